@@ -18,21 +18,34 @@ impl Credentials {
         let text = input::read(path)?;
         let users = parse(&text).map_err(|line| {
             // The line is not shown: it may contain a password.
-            Failure::wrong(format!("{}:{line}: not of the form `user:password`", path.display()))
+            Failure::wrong(format!(
+                "{}:{line}: not of the form `user:password`",
+                path.display()
+            ))
         })?;
-        Ok(Self { path: path.to_owned(), users })
+        Ok(Self {
+            path: path.to_owned(),
+            users,
+        })
     }
 
     /// The password of a user.
     pub fn of(&self, user: &str) -> Result<Secret, Failure> {
         let password = self.users.get(user).cloned();
-        password.ok_or_else(|| Failure::wrong(format!("{}: no line for the user {user}", self.path.display())))
+        password.ok_or_else(|| {
+            Failure::wrong(format!(
+                "{}: no line for the user {user}",
+                self.path.display()
+            ))
+        })
     }
 }
 
 /// The users, or the number of the first invalid line.
 fn parse(text: &str) -> Result<BTreeMap<String, Secret>, usize> {
-    let lines = (1_usize..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let lines = (1_usize..)
+        .zip(text.lines())
+        .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     lines
         .map(|(number, line)| {
             let (user, password) = line.split_once(':').ok_or(number)?;
@@ -48,7 +61,10 @@ mod tests {
     #[test]
     fn each_line_is_a_user_with_a_password_that_may_hold_colons() {
         let users = parse("# fleet\ngw-0001:a:b\n\nhistorian:x\n").unwrap();
-        let found: Vec<_> = users.iter().map(|(user, password)| (user.as_str(), password.expose())).collect();
+        let found: Vec<_> = users
+            .iter()
+            .map(|(user, password)| (user.as_str(), password.expose()))
+            .collect();
         assert_eq!(found, [("gw-0001", "a:b"), ("historian", "x")]);
         assert_eq!(parse("a:b\nsecret\n").unwrap_err(), 2);
     }

@@ -146,8 +146,16 @@ fn simulate(args: &Args) -> Result<(), Failure> {
     let outcome = play::run(plan.clone(), |progress| show(&mut bar, progress));
     bar.end();
     let outcome = outcome.map_err(Failure::failed)?;
-    let report = report::Report { plan: &plan, specimen: &specimen, outcome: &outcome };
-    print(&if args.json { format!("{:#}\n", report.json()) } else { report.text() })?;
+    let report = report::Report {
+        plan: &plan,
+        specimen: &specimen,
+        outcome: &outcome,
+    };
+    print(&if args.json {
+        format!("{:#}\n", report.json())
+    } else {
+        report.text()
+    })?;
     match report.complaint() {
         Some(complaint) => Err(Failure::failed(complaint)),
         None => Ok(()),
@@ -155,12 +163,20 @@ fn simulate(args: &Args) -> Result<(), Failure> {
 }
 
 fn show(bar: &mut Bar, progress: &Progress) {
-    let Progress { done, all, balance, .. } = progress;
+    let Progress {
+        done, all, balance, ..
+    } = progress;
     let what = match progress.stage {
         Stage::Subscribing => format!("consumers subscribe: {done} of {all}"),
         Stage::Connecting => format!("gateways connect: {done} of {all}"),
-        Stage::Publishing => format!("{done} of {all} s: {} sent, {} received", balance.sent, balance.received),
-        Stage::Draining => format!("on its way: {} sent, {} received", balance.sent, balance.received),
+        Stage::Publishing => format!(
+            "{done} of {all} s: {} sent, {} received",
+            balance.sent, balance.received
+        ),
+        Stage::Draining => format!(
+            "on its way: {} sent, {} received",
+            balance.sent, balance.received
+        ),
         Stage::Clearing => "retained messages are taken back".to_owned(),
     };
     let whole = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
@@ -186,7 +202,9 @@ mod tests {
     }
 
     fn ways(settings: &ConnectionSettings) -> Vec<u16> {
-        std::iter::once(settings.port).chain(settings.also_at.iter().map(|(_, port)| *port)).collect()
+        std::iter::once(settings.port)
+            .chain(settings.also_at.iter().map(|(_, port)| *port))
+            .collect()
     }
 
     #[test]
@@ -198,45 +216,74 @@ mod tests {
             let specimen = specimen.unwrap_or_else(|it| panic!("{id}: {it}"));
             let state: Value = serde_json::from_slice(&specimen.state).unwrap();
             let values = state["values"].as_object().unwrap();
-            assert!(!values.is_empty() && values.values().all(|it| it["quality"] == "good"), "{id}: {state:#}");
+            assert!(
+                !values.is_empty() && values.values().all(|it| it["quality"] == "good"),
+                "{id}: {state:#}"
+            );
             let [all, documents] = specimen.births;
-            assert!(all.bytes > documents.bytes && documents.messages >= 3, "{id}: {all:?}, {documents:?}");
+            assert!(
+                all.bytes > documents.bytes && documents.messages >= 3,
+                "{id}: {all:?}, {documents:?}"
+            );
             assert!(specimen.expiry.is_some(), "{id}");
         }
     }
 
     #[test]
     fn the_guide_names_every_option() {
-        let guide = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/fleet.md")).unwrap();
+        let guide =
+            std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/fleet.md")).unwrap();
         let command = <Args as clap::CommandFactory>::command();
-        let unnamed =
-            command.get_arguments().filter_map(|it| it.get_long()).filter(|it| !guide.contains(&format!("`--{it}")));
+        let unnamed = command
+            .get_arguments()
+            .filter_map(|it| it.get_long())
+            .filter(|it| !guide.contains(&format!("`--{it}")));
         assert_eq!(unnamed.collect::<Vec<_>>(), [""; 0]);
     }
 
     #[test]
     fn a_hundred_drives_fit_on_lines() {
         for drives in [1, 32, 33, 100] {
-            assert!(specimen::specimen(&typed(&format!("--drives {drives}"))).is_ok(), "{drives}");
+            assert!(
+                specimen::specimen(&typed(&format!("--drives {drives}"))).is_ok(),
+                "{drives}"
+            );
         }
     }
 
     #[test]
     fn gateways_spread_over_the_nodes_and_know_all_of_them() {
-        let plan = planned("--gateways 4 --broker mqtt://a:1 --broker mqtt://b:2 --broker mqtt://c:3").ok().unwrap();
+        let plan =
+            planned("--gateways 4 --broker mqtt://a:1 --broker mqtt://b:2 --broker mqtt://c:3")
+                .ok()
+                .unwrap();
         let found: Vec<_> = plan.gateways.iter().map(ways).collect();
         assert_eq!(found, [[1, 2, 3], [2, 3, 1], [3, 1, 2], [1, 2, 3]]);
-        let ids: std::collections::BTreeSet<_> =
-            plan.gateways.iter().chain(&plan.consumers).map(|it| &it.client_id).collect();
+        let ids: std::collections::BTreeSet<_> = plan
+            .gateways
+            .iter()
+            .chain(&plan.consumers)
+            .map(|it| &it.client_id)
+            .collect();
         assert_eq!(ids.len(), 5, "{ids:?}");
         assert_eq!(plan.consumers[0].keeps, Keeps::Nothing);
-        let elsewhere = planned("--gateways 2 --qos 1 --consumer-broker mqtts://centre --consumers 2").ok().unwrap();
+        let elsewhere =
+            planned("--gateways 2 --qos 1 --consumer-broker mqtts://centre --consumers 2")
+                .ok()
+                .unwrap();
         assert_eq!(
-            elsewhere.consumers.iter().map(|it| (it.port, it.keeps)).collect::<Vec<_>>(),
+            elsewhere
+                .consumers
+                .iter()
+                .map(|it| (it.port, it.keeps))
+                .collect::<Vec<_>>(),
             [(8883, Keeps::Session); 2]
         );
         assert!(elsewhere.consumers[0].tls.is_some() && elsewhere.gateways[0].tls.is_none());
-        assert_eq!((plan.shape.updates, elsewhere.shape.updates_of_all()), (60, 60 * 64));
+        assert_eq!(
+            (plan.shape.updates, elsewhere.shape.updates_of_all()),
+            (60, 60 * 64)
+        );
     }
 
     #[test]
@@ -247,12 +294,17 @@ mod tests {
             ("--broker mqtt://a --broker mqtts://b", "either all"),
             ("--updates-per-second 0", "--updates-per-second"),
             ("--updates-per-second nan", "--updates-per-second"),
-            ("--updates-per-second 0.01 --seconds 5", "no drive has an update"),
+            (
+                "--updates-per-second 0.01 --seconds 5",
+                "no drive has an update",
+            ),
             ("--prefix a/+", "prefix"),
             ("--model nothing", "nothing"),
             ("--credentials /nowhere/users", "/nowhere/users"),
         ] {
-            let refused = planned(line).err().unwrap_or_else(|| panic!("{line} is taken"));
+            let refused = planned(line)
+                .err()
+                .unwrap_or_else(|| panic!("{line} is taken"));
             assert!(refused.to_string().contains(reason), "{line}: {refused}");
         }
     }

@@ -20,22 +20,50 @@ const RATES: std::ops::RangeInclusive<f64> = 1.0 / 3600.0..=1000.0;
 /// The plan that `args` describe.
 pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
     let shape = shape(args)?;
-    let credentials = args.credentials.as_deref().map(Credentials::read).transpose()?;
+    let credentials = args
+        .credentials
+        .as_deref()
+        .map(Credentials::read)
+        .transpose()?;
     let broker = way(args, specimen, &args.brokers)?;
-    let elsewhere =
-        if args.consumer_brokers.is_empty() { None } else { Some(way(args, specimen, &args.consumer_brokers)?) };
+    let elsewhere = if args.consumer_brokers.is_empty() {
+        None
+    } else {
+        Some(way(args, specimen, &args.consumer_brokers)?)
+    };
     let consumer_broker = elsewhere.as_ref().unwrap_or(&broker);
     let gateways = (0..shape.gateways).map(|number| {
         let name = Shape::gateway_name(number);
-        as_user(in_turn(&broker, number), format!("vfd-gateway-{name}"), &name, credentials.as_ref())
+        as_user(
+            in_turn(&broker, number),
+            format!("vfd-gateway-{name}"),
+            &name,
+            credentials.as_ref(),
+        )
     });
-    let keeps = if args.qos == 1 { Keeps::Session } else { Keeps::Nothing };
+    let keeps = if args.qos == 1 {
+        Keeps::Session
+    } else {
+        Keeps::Nothing
+    };
     let consumers = (0..args.consumers as usize).map(|number| {
-        let settings = ConnectionSettings { keeps, ..in_turn(consumer_broker, number) };
-        as_user(settings, format!("vfd-fleet-consumer-{}", number + 1), &args.consumer_user, credentials.as_ref())
+        let settings = ConnectionSettings {
+            keeps,
+            ..in_turn(consumer_broker, number)
+        };
+        as_user(
+            settings,
+            format!("vfd-fleet-consumer-{}", number + 1),
+            &args.consumer_user,
+            credentials.as_ref(),
+        )
     });
     Ok(Plan {
-        qos: if args.qos == 1 { Qos::AtLeastOnce } else { Qos::AtMostOnce },
+        qos: if args.qos == 1 {
+            Qos::AtLeastOnce
+        } else {
+            Qos::AtMostOnce
+        },
         retain: !args.no_retain,
         expiry: specimen.expiry.filter(|_| !args.no_retain),
         state: specimen.state.clone(),
@@ -57,11 +85,16 @@ pub fn plan(args: &Args, specimen: &Specimen) -> Result<Plan, Failure> {
 fn shape(args: &Args) -> Result<Shape, Failure> {
     let rate = args.updates_per_second;
     if !RATES.contains(&rate) {
-        return Err(Failure::wrong(format!("--updates-per-second {rate} is not between 1/3600 and 1000")));
+        return Err(Failure::wrong(format!(
+            "--updates-per-second {rate} is not between 1/3600 and 1000"
+        )));
     }
     let updates = (f64::from(args.seconds) * rate).floor();
     if updates < 1.0 {
-        return Err(Failure::wrong(format!("no drive has an update within {} s at {rate} a second", args.seconds)));
+        return Err(Failure::wrong(format!(
+            "no drive has an update within {} s at {rate} a second",
+            args.seconds
+        )));
     }
     Ok(Shape {
         prefix: args.prefix.clone(),
@@ -79,15 +112,24 @@ fn shape(args: &Args) -> Result<Shape, Failure> {
 /// The connection settings for the nodes of a broker, by the rules of a configuration. Each client begins at one of the
 /// nodes.
 fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSettings, Failure> {
-    let [url, others @ ..] = urls else { return Err(Failure::wrong("no broker is named")) };
+    let [url, others @ ..] = urls else {
+        return Err(Failure::wrong("no broker is named"));
+    };
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let others: Vec<_> = others.iter().map(|url| quoted(url)).collect();
     // Files in a configuration have absolute paths; on the command line they may be relative.
-    let ca = args.ca.as_ref().filter(|_| url.starts_with("mqtts:")).map(std::path::absolute).transpose();
+    let ca = args
+        .ca
+        .as_ref()
+        .filter(|_| url.starts_with("mqtts:"))
+        .map(std::path::absolute)
+        .transpose();
     let ca = ca.map_err(|error| Failure::wrong(format!("--ca: {error}")))?;
     let ca = ca.map(|ca| format!("ca_file = {}\n", quoted(&ca.to_string_lossy())));
     let user = args.credentials.as_ref().map(|_| "user = \"fleet\"\n");
-    let plain = args.allow_plain_password.then_some("allow_plain_password = true\n");
+    let plain = args
+        .allow_plain_password
+        .then_some("allow_plain_password = true\n");
     let text = format!(
         "[mqtt]\nbroker = {}\nalso_at = [{}]\nversion = {}\nprefix = {}\n{}{}{}{}",
         quoted(url),
@@ -99,10 +141,16 @@ fn way(args: &Args, specimen: &Specimen, urls: &[String]) -> Result<ConnectionSe
         plain.unwrap_or_default(),
         specimen.lines
     );
-    let config = config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| wrong(&problems))?;
-    let mqtt = config.mqtt.filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
-    let mqtt = mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
-    let (connection, _) = build::broker(&mqtt, (&Name::fallback(), None), None, None).map_err(Failure::wrong)?.mqtt;
+    let config = config::load(&text, &input::catalog_with(&args.own)?)
+        .map_err(|problems| wrong(&problems))?;
+    let mqtt = config
+        .mqtt
+        .filter(|mqtt| mqtt.broker != BrokerSettings::Embedded);
+    let mqtt =
+        mqtt.ok_or_else(|| Failure::wrong("--broker: the embedded broker serves no fleet"))?;
+    let (connection, _) = build::broker(&mqtt, (&Name::fallback(), None), None, None)
+        .map_err(Failure::wrong)?
+        .mqtt;
     Ok(connection)
 }
 
@@ -119,13 +167,22 @@ fn as_user(
 ) -> Result<ConnectionSettings, Failure> {
     let password = credentials.map(|all| all.of(user)).transpose()?;
     let user = password.as_ref().map(|_| user.to_owned());
-    Ok(ConnectionSettings { client_id, user, password, ..settings })
+    Ok(ConnectionSettings {
+        client_id,
+        user,
+        password,
+        ..settings
+    })
 }
 
 /// The problems of the configuration that follows from the arguments, as a failure.
 pub fn wrong(problems: &[Problem]) -> Failure {
     let line = |problem: &Problem| {
-        let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+        let right = problem
+            .right
+            .as_ref()
+            .map(|right| format!("; right would be {right}"))
+            .unwrap_or_default();
         format!("{}: {}{right}", problem.key, problem.what)
     };
     Failure::wrong(problems.iter().map(line).collect::<Vec<_>>().join("\n"))

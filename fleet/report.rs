@@ -39,7 +39,10 @@ impl Report<'_> {
     }
 
     fn payload_bytes(&self) -> usize {
-        let mark = Mark::new(self.plan.shape.updates, vfd_gateway::daemon::host::clock::now());
+        let mark = Mark::new(
+            self.plan.shape.updates,
+            vfd_gateway::daemon::host::clock::now(),
+        );
         mark.on(self.plan.shape.update, &self.plan.state).len()
     }
 
@@ -49,7 +52,11 @@ impl Report<'_> {
 
     /// As JSON.
     pub fn json(&self) -> Value {
-        let Self { plan, specimen, outcome } = self;
+        let Self {
+            plan,
+            specimen,
+            outcome,
+        } = self;
         let shape = &plan.shape;
         json!({
             "gateways": shape.gateways, "drives": shape.drives_of_all(), "model": specimen.model,
@@ -85,7 +92,11 @@ impl Report<'_> {
     }
 
     fn write(&self, to: &mut String) -> std::fmt::Result {
-        let Self { plan, specimen, outcome } = self;
+        let Self {
+            plan,
+            specimen,
+            outcome,
+        } = self;
         let shape = &plan.shape;
         let at_last = &outcome.at_last;
         let at_end = &outcome.at_end;
@@ -105,37 +116,77 @@ impl Report<'_> {
         )?;
         writeln!(to, "\nmessages a second")?;
         writeln!(to, "  due           {:>10.0}", self.a_second(outcome.due))?;
-        let held = if self.is_held() { "" } else { "   the rate is not held" };
-        writeln!(to, "  sent          {:>10.0}{held}", self.a_second(at_last.sent))?;
+        let held = if self.is_held() {
+            ""
+        } else {
+            "   the rate is not held"
+        };
+        writeln!(
+            to,
+            "  sent          {:>10.0}{held}",
+            self.a_second(at_last.sent)
+        )?;
         if plan.qos == Qos::AtLeastOnce {
-            writeln!(to, "  acknowledged  {:>10.0}", self.a_second(at_last.acknowledged))?;
+            writeln!(
+                to,
+                "  acknowledged  {:>10.0}",
+                self.a_second(at_last.acknowledged)
+            )?;
         }
-        writeln!(to, "  received      {:>10.0}", self.a_second(at_last.received))?;
+        writeln!(
+            to,
+            "  received      {:>10.0}",
+            self.a_second(at_last.received)
+        )?;
         writeln!(to, "\nlate by               half      99 %       all")?;
         if plan.qos == Qos::AtLeastOnce {
             writeln!(to, "  acknowledged  {}", row(&outcome.acknowledgements))?;
         }
         writeln!(to, "  received      {}", row(&outcome.delays))?;
-        writeln!(to, "\nin the end: {} due, {} sent, {} received", outcome.due, at_end.sent, at_end.received)?;
+        writeln!(
+            to,
+            "\nin the end: {} due, {} sent, {} received",
+            outcome.due, at_end.sent, at_end.received
+        )?;
         if plan.qos == Qos::AtLeastOnce {
             writeln!(to, "  acknowledged  {:>10}", at_end.acknowledged)?;
             writeln!(to, "  of these lost {:>10}", at_end.acknowledged_missing)?;
             writeln!(to, "  sent again    {:>10}", outcome.repeated)?;
         }
-        writeln!(to, "  not received  {:>10}", at_end.acknowledged_missing + at_end.unacknowledged_missing)?;
+        writeln!(
+            to,
+            "  not received  {:>10}",
+            at_end.acknowledged_missing + at_end.unacknowledged_missing
+        )?;
         writeln!(to, "  twice         {:>10}", outcome.again)?;
         writeln!(to, "  out of order  {:>10}", outcome.late)?;
         if outcome.refused + outcome.foreign > 0 {
-            writeln!(to, "  refused       {:>10}\n  foreign       {:>10}", outcome.refused, outcome.foreign)?;
+            writeln!(
+                to,
+                "  refused       {:>10}\n  foreign       {:>10}",
+                outcome.refused, outcome.foreign
+            )?;
         }
-        writeln!(to, "\nconnections {}, broken {}", outcome.connections, outcome.broken)?;
-        let [all, documents] = specimen.births.map(|it| format!("{} messages, {} kB", it.messages, it.bytes / 1000));
-        writeln!(to, "a real gateway is born with {all}; with publish = [\"state\"]: {documents}")?;
+        writeln!(
+            to,
+            "\nconnections {}, broken {}",
+            outcome.connections, outcome.broken
+        )?;
+        let [all, documents] = specimen
+            .births
+            .map(|it| format!("{} messages, {} kB", it.messages, it.bytes / 1000));
+        writeln!(
+            to,
+            "a real gateway is born with {all}; with publish = [\"state\"]: {documents}"
+        )?;
         for (cost, processors) in &outcome.costs {
             let name = &cost.name;
             let process = cost.process;
             let megabytes = cost.resident_kb / 1000;
-            writeln!(to, "{name} ({process}): {processors:.2} processors, {megabytes} MB")?;
+            writeln!(
+                to,
+                "{name} ({process}): {processors:.2} processors, {megabytes} MB"
+            )?;
         }
         Ok(())
     }
@@ -146,7 +197,10 @@ fn millis(time: Duration) -> f64 {
 }
 
 fn row(times: &[Duration; 3]) -> String {
-    times.iter().map(|time| format!("{:>7.1} ms", millis(*time))).collect()
+    times
+        .iter()
+        .map(|time| format!("{:>7.1} ms", millis(*time)))
+        .collect()
 }
 
 fn shares(times: &[Duration; 3]) -> Value {

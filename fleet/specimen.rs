@@ -62,9 +62,17 @@ pub fn specimen(args: &Args) -> Result<Specimen, Failure> {
     let whole = birth(&config, &mqtt, &Tree::ALL)?;
     let documents = birth(&config, &mqtt, &[Tree::State])?;
     // A real gateway also clears other topics at its birth; those are not documents.
-    let topic = format!("{}/{}/drive/{}/state", args.prefix, Shape::gateway_name(0), Shape::drive_name(0));
-    let state = documents.iter().find(|it| it.topic == topic && !it.payload.is_empty());
-    let state = state.ok_or_else(|| Failure::failed("a gateway of this kind publishes no state"))?;
+    let topic = format!(
+        "{}/{}/drive/{}/state",
+        args.prefix,
+        Shape::gateway_name(0),
+        Shape::drive_name(0)
+    );
+    let state = documents
+        .iter()
+        .find(|it| it.topic == topic && !it.payload.is_empty());
+    let state =
+        state.ok_or_else(|| Failure::failed("a gateway of this kind publishes no state"))?;
     Ok(Specimen {
         model: model.id.clone(),
         state: state.payload.clone(),
@@ -80,27 +88,48 @@ fn model(args: &Args) -> Result<Arc<Model>, Failure> {
     }
     let catalog = input::catalog_with(&args.own)?;
     // Of those of the demo, which need nothing but a station, the one with the most values.
-    let last = vfd_gateway::vendors::in_demo().iter().rev().find_map(|id| catalog.find(id)).cloned();
+    let last = vfd_gateway::vendors::in_demo()
+        .iter()
+        .rev()
+        .find_map(|id| catalog.find(id))
+        .cloned();
     last.ok_or_else(|| Failure::failed("no model can be commanded"))
 }
 
 fn volume(publications: &[Publication]) -> Volume {
-    let bytes = publications.iter().map(|it| it.topic.len() + it.payload.len()).sum();
-    Volume { messages: publications.len(), bytes }
+    let bytes = publications
+        .iter()
+        .map(|it| it.topic.len() + it.payload.len())
+        .sum();
+    Volume {
+        messages: publications.len(),
+        bytes,
+    }
 }
 
 /// The `[[line]]` tables of its configuration.
 fn lines(args: &Args, model: &Arc<Model>) -> String {
     let drives: Vec<_> = (0..args.drives as usize).collect();
     let stations: Vec<_> = model.link.stations.value.clone().take(LINE_MAX).collect();
-    let lines = (1..).zip(drives.chunks(stations.len().max(1))).map(|(number, chunk)| Line {
-        name: format!("line-{number}"),
-        link: model.link.played(),
-        drives: chunk.iter().zip(&stations).map(|(drive, station)| drive_on(*drive, *station, model)).collect(),
-    });
+    let lines = (1..)
+        .zip(drives.chunks(stations.len().max(1)))
+        .map(|(number, chunk)| Line {
+            name: format!("line-{number}"),
+            link: model.link.played(),
+            drives: chunk
+                .iter()
+                .zip(&stations)
+                .map(|(drive, station)| drive_on(*drive, *station, model))
+                .collect(),
+        });
     let lines: Vec<_> = lines.collect();
-    let devices: Vec<_> = (1..=lines.len()).map(|number| PathBuf::from(format!("/dev/ttyS{number}"))).collect();
-    plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &["mqtt"])
+    let devices: Vec<_> = (1..=lines.len())
+        .map(|number| PathBuf::from(format!("/dev/ttyS{number}")))
+        .collect();
+    plant::configuration(
+        lines.iter().zip(devices.iter().map(PathBuf::as_path)),
+        &["mqtt"],
+    )
 }
 
 fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Failure> {
@@ -110,45 +139,82 @@ fn configuration(args: &Args, lines: &str) -> Result<(Config, MqttSettings), Fai
     let text = format!(
         "[gateway]\nname = \"{name}\"\n[mqtt]\nbroker = \"mqtt://127.0.0.1\"\nversion = {version}\nprefix = {prefix:?}\n{lines}"
     );
-    let config =
-        config::load(&text, &input::catalog_with(&args.own)?).map_err(|problems| super::plan::wrong(&problems))?;
-    let mqtt = config.mqtt.clone().ok_or_else(|| Failure::failed("a gateway without a broker"))?;
+    let config = config::load(&text, &input::catalog_with(&args.own)?)
+        .map_err(|problems| super::plan::wrong(&problems))?;
+    let mqtt = config
+        .mqtt
+        .clone()
+        .ok_or_else(|| Failure::failed("a gateway without a broker"))?;
     Ok((config, mqtt))
 }
 
 fn drive_on(drive: usize, station: u8, model: &Arc<Model>) -> Drive {
-    Drive { name: Shape::drive_name(drive), station: Station(station), group: "fleet", model: Arc::clone(model) }
+    Drive {
+        name: Shape::drive_name(drive),
+        station: Station(station),
+        group: "fleet",
+        model: Arc::clone(model),
+    }
 }
 
 /// Everything that a gateway publishes from its connection on until nothing is left to say.
-fn birth(config: &Config, mqtt: &MqttSettings, publish: &[Tree]) -> Result<Vec<Publication>, Failure> {
+fn birth(
+    config: &Config,
+    mqtt: &MqttSettings,
+    publish: &[Tree],
+) -> Result<Vec<Publication>, Failure> {
     let shared = build::shared(config);
-    let drives: Vec<_> = shared.drives.iter().map(|drive| drive.description.clone()).collect();
+    let drives: Vec<_> = shared
+        .drives
+        .iter()
+        .map(|drive| drive.description.clone())
+        .collect();
     let at = clock::moment();
-    let views: Vec<_> = drives.iter().map(|drive| Arc::new(view(drive, at))).collect();
+    let views: Vec<_> = drives
+        .iter()
+        .map(|drive| Arc::new(view(drive, at)))
+        .collect();
     let lines = shared.lines.iter().map(|line| LineState {
         name: line.name.clone(),
-        report: LineReport { state: Link::Up, ..line.report() },
+        report: LineReport {
+            state: Link::Up,
+            ..line.report()
+        },
         stations: Vec::new(),
     });
     let lines: Vec<_> = lines.collect();
     let names = lines.iter().map(|line| line.name.clone()).collect();
     let name = config.gateway.name.clone().unwrap_or_else(Name::fallback);
-    let settings = Settings { publish: publish.to_vec(), ..mqtt.session(name, None) };
+    let settings = Settings {
+        publish: publish.to_vec(),
+        ..mqtt.session(name, None)
+    };
     let probe = format!("{}/{}/probe", settings.prefix, settings.gateway);
     let mut session = Session::new(settings, drives, names, at, 1);
-    session.handle(at, Event::Connected(Broker { maximum_packet_bytes: None, retains: true }));
+    session.handle(
+        at,
+        Event::Connected(Broker {
+            maximum_packet_bytes: None,
+            retains: true,
+        }),
+    );
     let mut published = Vec::new();
     for _ in 0..ACTS_MAX {
         match session.next_act(at, &views, &lines) {
             None => return Ok(published),
-            Some(Act::Subscribe(filters)) => session.handle(at, Event::Subscribed(vec![true; filters.len()])),
-            Some(Act::Publish(it)) if it.topic == probe => session.handle(at, Event::Message(message(&it))),
+            Some(Act::Subscribe(filters)) => {
+                session.handle(at, Event::Subscribed(vec![true; filters.len()]))
+            }
+            Some(Act::Publish(it)) if it.topic == probe => {
+                session.handle(at, Event::Message(message(&it)))
+            }
             Some(Act::Publish(it)) => published.push(it),
             Some(_) => {}
         }
     }
-    Err(Failure::failed("a gateway of this kind has no end of things to say"))
+    Err(Failure::failed(
+        "a gateway of this kind has no end of things to say",
+    ))
 }
 
 /// `it` as it comes back to its sender.
@@ -166,9 +232,18 @@ fn message(it: &Publication) -> Message<'_> {
 
 /// A running drive that is under control, with a value in every register that is polled.
 fn view(drive: &DriveDescription, at: Moment) -> DriveView {
-    let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+    let mut view = DriveView {
+        line_is_up: true,
+        run_state: RunState::Forward,
+        ..DriveView::default()
+    };
     view.snapshot.presence = Presence::Online;
-    for register in drive.model.registers.iter().filter(|register| register.poll.is_some()) {
+    for register in drive
+        .model
+        .registers
+        .iter()
+        .filter(|register| register.poll.is_some())
+    {
         view.snapshot.take(register.address, &[WORD], at.mono);
     }
     view.trip.active = Some(false);

@@ -46,9 +46,16 @@ const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
 const UNSAFE_FILE: &str = "src/daemon/host/sys.rs";
 /// A file that grows beyond this has two things in it.
 const MAX_LINES: usize = 400;
-const VENDOR_NAMES: [&str; 8] = ["hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500"];
+const VENDOR_NAMES: [&str; 8] = [
+    "hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500",
+];
 /// Beginnings of paths of one machine, in two parts so that this file does not break its own rule.
-const MACHINE_PATHS: [(&str, &str); 4] = [("/ho", "me/"), ("/ro", "ot/"), ("/wo", "rk/"), ("/Us", "ers/")];
+const MACHINE_PATHS: [(&str, &str); 4] = [
+    ("/ho", "me/"),
+    ("/ro", "ot/"),
+    ("/wo", "rk/"),
+    ("/Us", "ers/"),
+];
 
 /// Beginnings of paths that only rooms with IO may name.
 const IO_PATHS: [&[&str]; 14] = [
@@ -82,7 +89,9 @@ fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
             "super" if supers == modules.len() => path.get(supers),
             _ => None,
         };
-        if let Some(used) = used.filter(|used| ROOMS.contains(&used.as_str()) && !may_use(room, used)) {
+        if let Some(used) =
+            used.filter(|used| ROOMS.contains(&used.as_str()) && !may_use(room, used))
+        {
             wrong.push(source.at(*line, &format!("{room} must not use {used}")));
         }
     }
@@ -90,7 +99,12 @@ fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
 }
 
 fn may_use(room: &str, used: &str) -> bool {
-    let place = |room| ROOMS.iter().position(|it| *it == room).unwrap_or(ROOMS.len());
+    let place = |room| {
+        ROOMS
+            .iter()
+            .position(|it| *it == room)
+            .unwrap_or(ROOMS.len())
+    };
     if room == used || room == "lib" {
         return true;
     }
@@ -102,9 +116,17 @@ fn may_use(room: &str, used: &str) -> bool {
 }
 
 fn a_file_begins_with_a_sentence(source: &Source) -> Vec<String> {
-    let paragraph: Vec<_> = source.text.lines().map_while(|line| line.strip_prefix("//! ")).collect();
+    let paragraph: Vec<_> = source
+        .text
+        .lines()
+        .map_while(|line| line.strip_prefix("//! "))
+        .collect();
     let is_sentence = paragraph.concat().trim_end().ends_with(['.', ':']);
-    if is_sentence { Vec::new() } else { vec![source.at(1, "does not begin with a `//!` sentence")] }
+    if is_sentence {
+        Vec::new()
+    } else {
+        vec![source.at(1, "does not begin with a `//!` sentence")]
+    }
 }
 
 fn vendors_are_named_only_in_their_room(source: &Source) -> Vec<String> {
@@ -115,7 +137,8 @@ fn vendors_are_named_only_in_their_room(source: &Source) -> Vec<String> {
     for (line, text) in numbered(&source.shipped) {
         let text = text.to_lowercase();
         for name in VENDOR_NAMES {
-            let begins_a_word = |(at, _): (usize, &str)| !text[..at].ends_with(|c: char| c.is_alphanumeric());
+            let begins_a_word =
+                |(at, _): (usize, &str)| !text[..at].ends_with(|c: char| c.is_alphanumeric());
             if text.match_indices(name).any(begins_a_word) {
                 wrong.push(source.at(line, &format!("names {name}")));
             }
@@ -129,7 +152,12 @@ fn unsafe_stands_in_one_file(source: &Source) -> Vec<String> {
         return Vec::new();
     }
     let is_unsafe = |(_, word): &&(usize, String)| word == "unsafe" || word == "unsafe_code";
-    source.words.iter().filter(is_unsafe).map(|(line, _)| source.at(*line, "unsafe")).collect()
+    source
+        .words
+        .iter()
+        .filter(is_unsafe)
+        .map(|(line, _)| source.at(*line, "unsafe"))
+        .collect()
 }
 
 fn io_and_clocks_stay_in_their_rooms(source: &Source) -> Vec<String> {
@@ -137,27 +165,41 @@ fn io_and_clocks_stay_in_their_rooms(source: &Source) -> Vec<String> {
         return Vec::new();
     }
     let is_io = |path: &[String]| {
-        let begins_with =
-            |io: &&[&str]| path.len() >= io.len() && path.iter().zip(*io).all(|(one, other)| one == other);
+        let begins_with = |io: &&[&str]| {
+            path.len() >= io.len() && path.iter().zip(*io).all(|(one, other)| one == other)
+        };
         IO_PATHS.iter().any(begins_with) || path.iter().any(|part| CLOCKS.contains(&part.as_str()))
     };
     let found = source.paths.iter().filter(|(_, path)| is_io(path));
-    found.map(|(line, path)| source.at(*line, &format!("names {}", path.join("::")))).collect()
+    found
+        .map(|(line, path)| source.at(*line, &format!("names {}", path.join("::"))))
+        .collect()
 }
 
 fn files_are_short(source: &Source) -> Vec<String> {
     let lines = source.text.lines().zip(source.shipped.lines());
-    let count = lines.filter(|(text, shipped)| text.is_empty() || !shipped.trim().is_empty()).count();
+    let count = lines
+        .filter(|(text, shipped)| text.is_empty() || !shipped.trim().is_empty())
+        .count();
     if count <= MAX_LINES {
         return Vec::new();
     }
-    vec![source.at(1, &format!("{count} lines without tests, more than {MAX_LINES}"))]
+    vec![source.at(
+        1,
+        &format!("{count} lines without tests, more than {MAX_LINES}"),
+    )]
 }
 
 fn no_path_of_one_machine(source: &Source) -> Vec<String> {
-    let names_one = |text: &str| MACHINE_PATHS.iter().any(|(one, other)| text.contains(&format!("{one}{other}")));
+    let names_one = |text: &str| {
+        MACHINE_PATHS
+            .iter()
+            .any(|(one, other)| text.contains(&format!("{one}{other}")))
+    };
     let lines = numbered(&source.text).filter(|(_, text)| names_one(text));
-    lines.map(|(line, _)| source.at(line, "names a path of one machine")).collect()
+    lines
+        .map(|(line, _)| source.at(line, "names a path of one machine"))
+        .collect()
 }
 
 #[track_caller]
@@ -173,20 +215,67 @@ fn assert_holds(rule: Rule) {
 #[track_caller]
 fn assert_bites(rule: Rule, path: &str, bad: &str, line: usize, good: &str) {
     let found = rule(&Source::new(path, bad));
-    assert!(found.iter().any(|offence| offence.starts_with(&format!("{path}:{line}: "))), "{found:?} in\n{bad}");
+    assert!(
+        found
+            .iter()
+            .any(|offence| offence.starts_with(&format!("{path}:{line}: "))),
+        "{found:?} in\n{bad}"
+    );
     assert_eq!(rule(&Source::new(path, good)), [""; 0], "in\n{good}");
 }
 
 #[test]
 fn rooms_use_only_rooms_before_them_everywhere() {
     let rule = rooms_use_only_rooms_before_them;
-    assert_bites(rule, "src/line/timing.rs", "\nuse crate::gateway::LineCore;", 2, "use crate::domain::time;");
-    assert_bites(rule, "src/line/timing.rs", "use super::super::north;", 1, "use super::station;");
-    assert_bites(rule, "src/line/mod.rs", "use super::north::modbus;", 1, "pub mod north;");
-    assert_bites(rule, "src/wire/pdu.rs", "use crate::{\n domain::time,\n line::{fault, timing},\n};", 3, "");
-    assert_bites(rule, "src/north/modbus/answer.rs", "let x = crate::line::fault();", 1, "// crate::line::fault");
-    assert_bites(rule, "src/sim/bus.rs", "use crate::drive::plan;", 1, "#[cfg(test)]\nuse crate::drive::plan;");
-    assert_bites(rule, "src/daemon/service/run.rs", "use crate::vendors;", 1, "use crate::sim;");
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "\nuse crate::gateway::LineCore;",
+        2,
+        "use crate::domain::time;",
+    );
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "use super::super::north;",
+        1,
+        "use super::station;",
+    );
+    assert_bites(
+        rule,
+        "src/line/mod.rs",
+        "use super::north::modbus;",
+        1,
+        "pub mod north;",
+    );
+    assert_bites(
+        rule,
+        "src/wire/pdu.rs",
+        "use crate::{\n domain::time,\n line::{fault, timing},\n};",
+        3,
+        "",
+    );
+    assert_bites(
+        rule,
+        "src/north/modbus/answer.rs",
+        "let x = crate::line::fault();",
+        1,
+        "// crate::line::fault",
+    );
+    assert_bites(
+        rule,
+        "src/sim/bus.rs",
+        "use crate::drive::plan;",
+        1,
+        "#[cfg(test)]\nuse crate::drive::plan;",
+    );
+    assert_bites(
+        rule,
+        "src/daemon/service/run.rs",
+        "use crate::vendors;",
+        1,
+        "use crate::sim;",
+    );
     assert_bites(rule, "src/domain/ids.rs", "use vfd_gateway::cli;", 1, "");
     assert_holds(rule);
 }
@@ -194,30 +283,77 @@ fn rooms_use_only_rooms_before_them_everywhere() {
 #[test]
 fn every_file_begins_with_a_sentence() {
     let rule = a_file_begins_with_a_sentence;
-    assert_bites(rule, "src/line/timing.rs", "use std::time;\n", 1, "//! What silences\n//! cost.\n//!\n//! | a |\n");
-    assert_bites(rule, "src/line/timing.rs", "//! TODO\n", 1, "//! What silences cost.\n");
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "use std::time;\n",
+        1,
+        "//! What silences\n//! cost.\n//!\n//! | a |\n",
+    );
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "//! TODO\n",
+        1,
+        "//! What silences cost.\n",
+    );
     assert_holds(rule);
 }
 
 #[test]
 fn no_vendor_is_named_outside_its_room() {
     let rule = vendors_are_named_only_in_their_room;
-    assert_bites(rule, "src/line/timing.rs", "\n// as the N700 wants it", 2, "// a plan700, protecol");
-    assert_bites(rule, "src/cli/demo.rs", "let id = \"hyundai-n700\";", 1, "#[cfg(test)]\nmod tests { /* N700 */ }");
-    assert_bites(rule, "src/cli/demo.rs", "#[cfg(test)]\nmod tests {}\nconst TECO: u8 = 1;", 3, "");
-    assert_eq!(rule(&Source::new("src/vendors/mod.rs", "// Toshiba")), [""; 0]);
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "\n// as the N700 wants it",
+        2,
+        "// a plan700, protecol",
+    );
+    assert_bites(
+        rule,
+        "src/cli/demo.rs",
+        "let id = \"hyundai-n700\";",
+        1,
+        "#[cfg(test)]\nmod tests { /* N700 */ }",
+    );
+    assert_bites(
+        rule,
+        "src/cli/demo.rs",
+        "#[cfg(test)]\nmod tests {}\nconst TECO: u8 = 1;",
+        3,
+        "",
+    );
+    assert_eq!(
+        rule(&Source::new("src/vendors/mod.rs", "// Toshiba")),
+        [""; 0]
+    );
     assert_holds(rule);
 }
 
 #[test]
 fn unsafe_is_in_one_file() {
     let rule = unsafe_stands_in_one_file;
-    assert_bites(rule, "src/daemon/port.rs", "\nunsafe { x() }", 2, "// unsafe\nlet unsafely = \"unsafe\";");
-    assert_bites(rule, "src/daemon/port.rs", "#[cfg(test)]\nmod tests {\n #![allow(unsafe_code)]\n}", 3, "");
+    assert_bites(
+        rule,
+        "src/daemon/port.rs",
+        "\nunsafe { x() }",
+        2,
+        "// unsafe\nlet unsafely = \"unsafe\";",
+    );
+    assert_bites(
+        rule,
+        "src/daemon/port.rs",
+        "#[cfg(test)]\nmod tests {\n #![allow(unsafe_code)]\n}",
+        3,
+        "",
+    );
     assert_eq!(rule(&Source::new(UNSAFE_FILE, "unsafe { x() }")), [""; 0]);
     assert_holds(rule);
-    let others: Vec<_> =
-        ["tests", "benches", "fleet", "fuzz/src", "fuzz/fuzz_targets"].iter().flat_map(|it| read(it)).collect();
+    let others: Vec<_> = ["tests", "benches", "fleet", "fuzz/src", "fuzz/fuzz_targets"]
+        .iter()
+        .flat_map(|it| read(it))
+        .collect();
     assert!(others.len() > 100, "{} files beside `src/`", others.len());
     let wrong: Vec<_> = others.iter().flat_map(rule).collect();
     assert_eq!(wrong, [""; 0]);
@@ -228,11 +364,38 @@ fn only_some_rooms_know_clocks_files_sockets_and_threads() {
     let rule = io_and_clocks_stay_in_their_rooms;
     let good = "use std::net::{IpAddr, SocketAddr};\nuse std::path::PathBuf;\n// tokio\nlet x = \"std::fs\";";
     assert_bites(rule, "src/line/timing.rs", "use std::{fmt, fs};", 1, good);
-    assert_bites(rule, "src/line/timing.rs", "\nuse std::net::{IpAddr, TcpStream};", 2, good);
-    assert_bites(rule, "src/line/timing.rs", "let now = Instant::now();", 1, "let now = MonoTime::ZERO;");
-    assert_bites(rule, "src/config/read.rs", "tokio::spawn(x)", 1, "let tokio_like = 1;");
-    assert_bites(rule, "src/config/read.rs", "std::thread::sleep(x)", 1, "#[cfg(test)]\nfn f() { std::thread::x() }");
-    assert_eq!(rule(&Source::new("src/daemon/service/run.rs", "use std::fs;")), [""; 0]);
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "\nuse std::net::{IpAddr, TcpStream};",
+        2,
+        good,
+    );
+    assert_bites(
+        rule,
+        "src/line/timing.rs",
+        "let now = Instant::now();",
+        1,
+        "let now = MonoTime::ZERO;",
+    );
+    assert_bites(
+        rule,
+        "src/config/read.rs",
+        "tokio::spawn(x)",
+        1,
+        "let tokio_like = 1;",
+    );
+    assert_bites(
+        rule,
+        "src/config/read.rs",
+        "std::thread::sleep(x)",
+        1,
+        "#[cfg(test)]\nfn f() { std::thread::x() }",
+    );
+    assert_eq!(
+        rule(&Source::new("src/daemon/service/run.rs", "use std::fs;")),
+        [""; 0]
+    );
     assert_holds(rule);
 }
 
@@ -240,7 +403,11 @@ fn only_some_rooms_know_clocks_files_sockets_and_threads() {
 fn no_file_is_long() {
     let rule = files_are_short;
     let lines = |count: usize| "let x = 1;\n".repeat(count);
-    let tests = format!("{}#[cfg(test)]\nmod tests {{\n{}}}\n", lines(400), lines(400));
+    let tests = format!(
+        "{}#[cfg(test)]\nmod tests {{\n{}}}\n",
+        lines(400),
+        lines(400)
+    );
     assert_bites(rule, "src/line/timing.rs", &lines(401), 1, &tests);
     assert_holds(rule);
 }
@@ -249,7 +416,13 @@ fn no_file_is_long() {
 fn no_file_names_a_path_of_one_machine() {
     let rule = no_path_of_one_machine;
     for (one, other) in MACHINE_PATHS {
-        assert_bites(rule, "src/cli/run.rs", &format!("// see {one}{other}x"), 1, "// see /etc/x");
+        assert_bites(
+            rule,
+            "src/cli/run.rs",
+            &format!("// see {one}{other}x"),
+            1,
+            "// see /etc/x",
+        );
     }
     assert_holds(rule);
 }
@@ -257,9 +430,11 @@ fn no_file_names_a_path_of_one_machine() {
 #[test]
 fn the_design_documents_name_files_that_exist() {
     let known = BTreeSet::from(["src/guard/state.rs".to_owned(), "src/guard".to_owned()]);
-    let text =
-        "`guard/state.rs`, `state.rs`, `guard/`, `ard/state.rs`, `/api/`, `tcp://`, `x.rs`\n```\n`y.rs`\n```\n`z.rs`";
-    assert_eq!(unknown_files(text, &known), ["ard/state.rs", "x.rs", "z.rs"]);
+    let text = "`guard/state.rs`, `state.rs`, `guard/`, `ard/state.rs`, `/api/`, `tcp://`, `x.rs`\n```\n`y.rs`\n```\n`z.rs`";
+    assert_eq!(
+        unknown_files(text, &known),
+        ["ard/state.rs", "x.rs", "z.rs"]
+    );
     let known = everything_below(Path::new(env!("CARGO_MANIFEST_DIR")));
     for (file, text) in design_documents() {
         assert_eq!(unknown_files(&text, &known), [""; 0], "in {file}");
@@ -276,10 +451,17 @@ fn the_map_finds_what_it_says() {
     assert!(answers.len() > 20, "{answers:?}");
     for (file, names) in answers {
         let path = root.join("src").join(file);
-        let text = if path.is_dir() { String::new() } else { std::fs::read_to_string(&path).expect(file) };
+        let text = if path.is_dir() {
+            String::new()
+        } else {
+            std::fs::read_to_string(&path).expect(file)
+        };
         for name in names {
             let last = name.rsplit("::").next().unwrap_or(name);
-            assert!(words(&text).any(|word| word == last), "{file} has no {name}");
+            assert!(
+                words(&text).any(|word| word == last),
+                "{file} has no {name}"
+            );
         }
     }
 }
@@ -309,23 +491,46 @@ fn files_below_a_test_are_found() {
 /// The map for those who change the program, and its details.
 fn design_documents() -> Vec<(String, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let details = std::fs::read_dir(root.join("docs/design")).unwrap().map(|entry| entry.unwrap().path());
+    let details = std::fs::read_dir(root.join("docs/design"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
     let files: Vec<_> = details.chain([root.join("ARCHITECTURE.md")]).collect();
     assert!(files.len() > 10, "{files:?}");
-    files.iter().map(|file| (file.display().to_string(), std::fs::read_to_string(file).unwrap())).collect()
+    files
+        .iter()
+        .map(|file| {
+            (
+                file.display().to_string(),
+                std::fs::read_to_string(file).unwrap(),
+            )
+        })
+        .collect()
 }
 
 /// The files and folders that `text` marks as code and that are not the end of any path in `known`.
 fn unknown_files<'t>(text: &'t str, known: &BTreeSet<String>) -> Vec<&'t str> {
     let is_file = |code: &&str| {
-        let ends_like_one = code.ends_with('/') || [".rs", ".toml", ".js"].iter().any(|end| code.ends_with(end));
-        ends_like_one && !code.starts_with('/') && !code.contains("://") && !code.contains(char::is_whitespace)
+        let ends_like_one = code.ends_with('/')
+            || [".rs", ".toml", ".js"]
+                .iter()
+                .any(|end| code.ends_with(end));
+        ends_like_one
+            && !code.starts_with('/')
+            && !code.contains("://")
+            && !code.contains(char::is_whitespace)
     };
     let is_known = |file: &&str| {
         let end = format!("/{}", file.trim_end_matches('/'));
-        known.iter().any(|path| *path == end[1..] || path.ends_with(&end))
+        known
+            .iter()
+            .any(|path| *path == end[1..] || path.ends_with(&end))
     };
-    text.split("```").step_by(2).flat_map(codes).filter(is_file).filter(|file| !is_known(file)).collect()
+    text.split("```")
+        .step_by(2)
+        .flat_map(codes)
+        .filter(is_file)
+        .filter(|file| !is_known(file))
+        .collect()
 }
 
 /// Each file that a row of the map names, with the names in it that follow.
@@ -358,7 +563,12 @@ fn everything_below(root: &Path) -> BTreeSet<String> {
             if name.starts_with('.') || name == "target" || name == "node_modules" {
                 continue;
             }
-            found.insert(path.strip_prefix(root).unwrap().to_string_lossy().into_owned());
+            found.insert(
+                path.strip_prefix(root)
+                    .unwrap()
+                    .to_string_lossy()
+                    .into_owned(),
+            );
             if path.is_dir() {
                 folders.push(path);
             }
@@ -378,7 +588,10 @@ fn sources() -> Vec<Source> {
         }
     }
     let is_for_tests = |source: &&mut Source| is_below(&source.path, &for_tests);
-    sources.iter_mut().filter(is_for_tests).for_each(Source::only_for_tests);
+    sources
+        .iter_mut()
+        .filter(is_for_tests)
+        .for_each(Source::only_for_tests);
     sources
 }
 
@@ -388,14 +601,25 @@ fn read(folder: &str) -> Vec<Source> {
     let mut files = Vec::new();
     collect(&root.join(folder), &mut files);
     files.sort();
-    let name = |file: &Path| file.strip_prefix(root).unwrap().to_string_lossy().into_owned();
-    files.iter().map(|file| Source::new(&name(file), &std::fs::read_to_string(file).unwrap())).collect()
+    let name = |file: &Path| {
+        file.strip_prefix(root)
+            .unwrap()
+            .to_string_lossy()
+            .into_owned()
+    };
+    files
+        .iter()
+        .map(|file| Source::new(&name(file), &std::fs::read_to_string(file).unwrap()))
+        .collect()
 }
 
 /// Whether the file at `path` is one of `modules`, or belongs to one: what a module for tests declares is for tests.
 fn is_below(path: &str, modules: &BTreeSet<String>) -> bool {
     let name = path.trim_end_matches(".rs");
-    let mut ends = name.match_indices('/').map(|(at, _)| at).chain([name.len()]);
+    let mut ends = name
+        .match_indices('/')
+        .map(|(at, _)| at)
+        .chain([name.len()]);
     ends.any(|end| modules.contains(&name[..end]))
 }
 
@@ -403,8 +627,9 @@ fn collect(folder: &Path, files: &mut Vec<std::path::PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         // What tools put into `tests/` is of others.
-        let is_own =
-            path.file_name().is_some_and(|name| !name.to_string_lossy().starts_with('.') && name != "node_modules");
+        let is_own = path
+            .file_name()
+            .is_some_and(|name| !name.to_string_lossy().starts_with('.') && name != "node_modules");
         if path.is_dir() && is_own {
             collect(&path, files);
         } else if path.extension().is_some_and(|it| it == "rs") {

@@ -34,14 +34,23 @@ pub struct Bare {
 impl Bare {
     pub fn start() -> Self {
         let pty = Pty::new().expect("a pseudo-terminal");
-        let port = OpenOptions::new().read(true).write(true).open(pty.path()).expect("its other side");
+        let port = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .open(pty.path())
+            .expect("its other side");
         let end = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&end);
         let drive = std::thread::spawn(move || answer(&pty, &ended));
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address");
         let relay = std::thread::spawn(move || relay(&listener, port));
-        Self { address, end, drive, relay }
+        Self {
+            address,
+            end,
+            drive,
+            relay,
+        }
     }
 
     /// Stops; the client must have closed its connection.
@@ -78,7 +87,11 @@ pub fn timer(count: usize, real_time: bool) -> Vec<f64> {
 pub fn hop(count: usize) -> Vec<f64> {
     let _ = sys::ask_for_real_time();
     let pty = Pty::new().expect("a pseudo-terminal");
-    let mut port = OpenOptions::new().read(true).write(true).open(pty.path()).expect("its other side");
+    let mut port = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .open(pty.path())
+        .expect("its other side");
     let mut took: Vec<f64> = (0..count)
         .map(|_| {
             std::thread::sleep(LinkSettings::DEFAULT.chars(30.0));
@@ -97,11 +110,19 @@ pub fn answerer(clients: usize) -> (SocketAddr, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("an address");
     let thread = std::thread::spawn(move || {
-        let streams: Vec<TcpStream> = (0..clients).map(|_| listener.accept().expect("a client").0).collect();
+        let streams: Vec<TcpStream> = (0..clients)
+            .map(|_| listener.accept().expect("a client").0)
+            .collect();
         let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
         for (stream, index) in streams.iter().zip(0..) {
             stream.set_nodelay(true).expect("TCP_NODELAY");
-            epoll::add(&poll, stream, epoll::EventData::new_u64(index), epoll::EventFlags::IN).expect("epoll add");
+            epoll::add(
+                &poll,
+                stream,
+                epoll::EventData::new_u64(index),
+                epoll::EventFlags::IN,
+            )
+            .expect("epoll add");
         }
         answer_all(&poll, &streams);
     });
@@ -109,7 +130,10 @@ pub fn answerer(clients: usize) -> (SocketAddr, JoinHandle<()>) {
 }
 
 fn answer_all(poll: &impl AsFd, streams: &[TcpStream]) {
-    let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
+    let mut events = [epoll::Event {
+        flags: epoll::EventFlags::empty(),
+        data: epoll::EventData::new_u64(0),
+    }; 64];
     let mut open = streams.len();
     while open > 0 {
         let ready = epoll::wait(poll, &mut events[..], None).expect("events");
@@ -133,7 +157,10 @@ fn answer_all(poll: &impl AsFd, streams: &[TcpStream]) {
 fn answer(pty: &Pty, end: &AtomicBool) {
     let mut buffer = [0; 64];
     while !end.load(Ordering::Relaxed) {
-        let mut fds = [PollFd::from_borrowed_fd(pty.master().as_fd(), PollFlags::IN)];
+        let mut fds = [PollFd::from_borrowed_fd(
+            pty.master().as_fd(),
+            PollFlags::IN,
+        )];
         let timeout = Duration::from_millis(200).try_into().expect("a time");
         poll(&mut fds, Some(&timeout)).expect("polled");
         if rustix::io::read(pty.master(), &mut buffer).is_ok_and(|bytes| bytes == REQUEST.len()) {

@@ -22,7 +22,10 @@ impl Talker {
     pub fn connect(port: u16, id: &str, filters: &[&str]) -> io::Result<Self> {
         let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
         stream.set_nodelay(true)?;
-        let mut talker = Self { stream, received: Vec::new() };
+        let mut talker = Self {
+            stream,
+            received: Vec::new(),
+        };
         let mut body = vec![0, 4];
         // Protocol level 4, clean session, no keep-alive.
         body.extend(b"MQTT\x04\x02\0\0");
@@ -60,7 +63,12 @@ impl Talker {
             match self.packet() {
                 Ok((kind, body)) if kind >> 4 == 3 => return message(kind, &body).map(Some),
                 Ok(_) => {}
-                Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
+                    ) =>
+                {
                     return Ok(None);
                 }
                 Err(error) => return Err(error),
@@ -92,7 +100,10 @@ impl Talker {
             if let Some((header, bytes)) = length(&self.received)
                 && self.received.len() >= header + bytes
             {
-                let packet = (self.received[0], self.received[header..header + bytes].to_vec());
+                let packet = (
+                    self.received[0],
+                    self.received[header..header + bytes].to_vec(),
+                );
                 self.received.drain(..header + bytes);
                 return Ok(packet);
             }
@@ -125,7 +136,13 @@ fn length(bytes: &[u8]) -> Option<(usize, usize)> {
 fn message(kind: u8, body: &[u8]) -> io::Result<Message> {
     let broken = || io::Error::from(io::ErrorKind::InvalidData);
     let (length, rest) = body.split_first_chunk::<2>().ok_or_else(broken)?;
-    let (topic, payload) = rest.split_at_checked(usize::from(u16::from_be_bytes(*length))).ok_or_else(broken)?;
+    let (topic, payload) = rest
+        .split_at_checked(usize::from(u16::from_be_bytes(*length)))
+        .ok_or_else(broken)?;
     let topic = String::from_utf8(topic.to_vec()).map_err(|_| broken())?;
-    Ok(Message { topic, payload: payload.to_vec(), retain: kind & 1 == 1 })
+    Ok(Message {
+        topic,
+        payload: payload.to_vec(),
+        retain: kind & 1 == 1,
+    })
 }

@@ -32,20 +32,35 @@ impl Broker {
         let port = free_port();
         let place = Place::new();
         // As root it would drop its privileges, and with them access to the directory.
-        let mut text = format!("listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\n");
+        let mut text = format!(
+            "listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\nuser root\n"
+        );
         text += "log_dest none\n";
         if keeps {
-            let _ = write!(text, "persistence true\npersistence_location {}/\n", place.path().display());
+            let _ = write!(
+                text,
+                "persistence true\npersistence_location {}/\n",
+                place.path().display()
+            );
             text += "autosave_interval 1\nautosave_on_changes true\n";
         }
         std::fs::write(place.path().join("mosquitto.conf"), text).expect("a file");
-        let mut broker = Self { port, place, program: mosquitto(), running: None };
+        let mut broker = Self {
+            port,
+            place,
+            program: mosquitto(),
+            running: None,
+        };
         broker.restart();
         broker
     }
 
     pub const fn name(&self) -> &'static str {
-        if self.program.is_some() { "mosquitto" } else { "the gateway's own broker" }
+        if self.program.is_some() {
+            "mosquitto"
+        } else {
+            "the gateway's own broker"
+        }
     }
 
     /// Starts it again on the same port; returns once it accepts connections.
@@ -62,11 +77,18 @@ impl Broker {
         let Some(program) = &self.program else {
             let address = SocketAddr::from((Ipv4Addr::LOCALHOST, self.port));
             let own = Path::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-            return Running::Own(BrokerChild::start_program(own, address).expect("the broker starts"));
+            return Running::Own(
+                BrokerChild::start_program(own, address).expect("the broker starts"),
+            );
         };
         let mut command = Command::new(program);
-        command.arg("-c").arg(self.place.path().join("mosquitto.conf"));
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+            .arg("-c")
+            .arg(self.place.path().join("mosquitto.conf"));
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
         Running::Mosquitto(command.spawn().expect("mosquitto starts"))
     }
 
@@ -92,7 +114,9 @@ impl Drop for Broker {
 /// The path of mosquitto, if it is installed.
 pub fn mosquitto() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
-    std::env::split_paths(&path).map(|place| place.join("mosquitto")).find(|program| program.is_file())
+    std::env::split_paths(&path)
+        .map(|place| place.join("mosquitto"))
+        .find(|program| program.is_file())
 }
 
 /// A port that was free just now.

@@ -61,10 +61,18 @@ pub fn run(
             }
             counts = true;
             begun = Instant::now();
-            clients.iter_mut().for_each(|client| (client.right, client.exceptions) = (0, 0));
+            clients
+                .iter_mut()
+                .for_each(|client| (client.right, client.exceptions) = (0, 0));
         }
-        let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
-        let timeout = rustix::event::Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
+        let mut events = [epoll::Event {
+            flags: epoll::EventFlags::empty(),
+            data: epoll::EventData::new_u64(0),
+        }; 64];
+        let timeout = rustix::event::Timespec {
+            tv_sec: 0,
+            tv_nsec: 100_000_000,
+        };
         let ready = epoll::wait(&poll, &mut events[..], Some(&timeout)).unwrap_or(0);
         for event in &events[..ready] {
             let index = event.data.u64() as usize;
@@ -74,12 +82,18 @@ pub fn run(
         }
     }
     let exceptions = clients.iter().map(|client| client.exceptions).sum();
-    Load { right: clients.iter().map(|client| client.right).collect(), exceptions, took: begun.elapsed() }
+    Load {
+        right: clients.iter().map(|client| client.right).collect(),
+        exceptions,
+        took: begun.elapsed(),
+    }
 }
 
 /// One request of one client, answered with words or an exception code.
 pub fn once(stream: &mut TcpStream, (unit, address, count): Ask) -> Result<Vec<u16>, u8> {
-    stream.write_all(&request(1, unit, address, count)).expect("the gateway takes requests");
+    stream
+        .write_all(&request(1, unit, address, count))
+        .expect("the gateway takes requests");
     let mut bytes = Vec::new();
     let mut buffer = [0; 512];
     loop {
@@ -100,22 +114,38 @@ fn connect(address: SocketAddr) -> Client {
     let stream = TcpStream::connect(address).expect("the gateway accepts");
     stream.set_nodelay(true).expect("TCP_NODELAY");
     stream.set_nonblocking(true).expect("non-blocking");
-    Client { stream, received: Vec::new(), asked: 0, right: 0, exceptions: 0 }
+    Client {
+        stream,
+        received: Vec::new(),
+        asked: 0,
+        right: 0,
+        exceptions: 0,
+    }
 }
 
 fn ask(client: &mut Client, index: usize, next: &impl Fn(usize, u64) -> Ask) {
     let (unit, address, count) = next(index, client.asked);
     client.asked += 1;
-    client.stream.write_all(&request(client.asked as u16, unit, address, count)).expect("room for one request");
+    client
+        .stream
+        .write_all(&request(client.asked as u16, unit, address, count))
+        .expect("room for one request");
 }
 
 fn take_answers(client: &mut Client) -> bool {
     let mut buffer = [0; 512];
-    let Ok(read) = client.stream.read(&mut buffer) else { return false };
+    let Ok(read) = client.stream.read(&mut buffer) else {
+        return false;
+    };
     assert!(read > 0, "the gateway closed the connection");
     client.received.extend_from_slice(&buffer[..read]);
-    let Some(message) = mbap::decode(&client.received).expect("an answer") else { return false };
-    assert_eq!(message.transaction, client.asked as u16, "the answer to the request that is open");
+    let Some(message) = mbap::decode(&client.received).expect("an answer") else {
+        return false;
+    };
+    assert_eq!(
+        message.transaction, client.asked as u16,
+        "the answer to the request that is open"
+    );
     if message.pdu[0] & 0x80 == 0 {
         client.right += 1;
     } else {

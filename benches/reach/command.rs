@@ -42,11 +42,15 @@ impl Publisher {
     fn publish(&self, topic: &str, payload: String) {
         match self {
             Self::V4(client) => {
-                client.publish(topic, rumqttc::QoS::AtMostOnce, false, payload).expect("published");
+                client
+                    .publish(topic, rumqttc::QoS::AtMostOnce, false, payload)
+                    .expect("published");
             }
             Self::V5(client) => {
                 let qos = rumqttc::v5::mqttbytes::QoS::AtMostOnce;
-                client.publish(topic, qos, false, payload).expect("published");
+                client
+                    .publish(topic, qos, false, payload)
+                    .expect("published");
             }
         }
     }
@@ -74,9 +78,27 @@ struct Case {
 }
 
 const CASES: [Case; 3] = [
-    Case { name: "MQTT 5", version: 5, is_paced: false, count: 1000, idle: Duration::from_millis(3) },
-    Case { name: "MQTT 3.1.1", version: 4, is_paced: false, count: 1000, idle: Duration::from_millis(3) },
-    Case { name: "MQTT 5, paced line", version: 5, is_paced: true, count: 400, idle: Duration::from_millis(60) },
+    Case {
+        name: "MQTT 5",
+        version: 5,
+        is_paced: false,
+        count: 1000,
+        idle: Duration::from_millis(3),
+    },
+    Case {
+        name: "MQTT 3.1.1",
+        version: 4,
+        is_paced: false,
+        count: 1000,
+        idle: Duration::from_millis(3),
+    },
+    Case {
+        name: "MQTT 5, paced line",
+        version: 5,
+        is_paced: true,
+        count: 400,
+        idle: Duration::from_millis(60),
+    },
 ];
 
 /// The parts of one measurement.
@@ -96,34 +118,77 @@ pub fn command() -> Vec<Row> {
 
 fn measure(case: Case) -> Vec<Row> {
     let broker = Broker::start(false);
-    let unpaced = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
-    let bus = if case.is_paced { BusOptions::default() } else { unpaced };
+    let unpaced = BusOptions {
+        pacing: Pacing::None,
+        silence: Some(Duration::ZERO),
+        ..BusOptions::default()
+    };
+    let bus = if case.is_paced {
+        BusOptions::default()
+    } else {
+        unpaced
+    };
     let line = TappedLine::start(1, bus);
     let mqtt = Some((broker.port, case.version));
-    let setup = Setup { device: line.path(), drives: 1, unpaced: !case.is_paced, poll: "5s", mqtt, listen: 0 };
+    let setup = Setup {
+        device: line.path(),
+        drives: 1,
+        unpaced: !case.is_paced,
+        poll: "5s",
+        mqtt,
+        listen: 0,
+    };
     let gateway = Gateway::start(&setup);
     let publisher = Publisher::connect(broker.port, case.version);
     let echo = Talker::connect(broker.port, "bench-echo", &[ECHO]).expect("the broker accepts");
     let relayed = relay::start(broker.port, bus, case.is_paced);
     let random = fastrand::Rng::with_seed(1);
-    let mut scene = Scene { case, line, publisher, echo, relayed, random, lost: 0 };
+    let mut scene = Scene {
+        case,
+        line,
+        publisher,
+        echo,
+        relayed,
+        random,
+        lost: 0,
+    };
     scene.begin();
     let count = if crate::is_quick() { 100 } else { case.count };
-    let all: Vec<_> = (0..count).map(|n| [scene.command(n), scene.echo(n), scene.relay(n)]).collect();
+    let all: Vec<_> = (0..count)
+        .map(|n| [scene.command(n), scene.echo(n), scene.relay(n)])
+        .collect();
     gateway.stop();
     scene.line.stop();
     scene.relayed.stop();
-    let [commands, echoes, relayed] = [0, 1, 2].map(|which| Times::new(all.iter().filter_map(|it| it[which])));
+    let [commands, echoes, relayed] =
+        [0, 1, 2].map(|which| Times::new(all.iter().filter_map(|it| it[which])));
     let name = format!("command, {}", case.name);
     vec![
-        Row::told(format!("{name}, {}: p50 / p99 / max of {count}, ms", broker.name()), commands.shown()),
-        Row::told(format!("{name}: the broker's own time in the same run, ms"), echoes.shown()),
-        Row::told(format!("{name}: the same hops with nothing in them, ms"), relayed.shown()),
+        Row::told(
+            format!("{name}, {}: p50 / p99 / max of {count}, ms", broker.name()),
+            commands.shown(),
+        ),
+        Row::told(
+            format!("{name}: the broker's own time in the same run, ms"),
+            echoes.shown(),
+        ),
+        Row::told(
+            format!("{name}: the same hops with nothing in them, ms"),
+            relayed.shown(),
+        ),
         Row::told(
             format!("{name}: beyond the broker's, p50: gateway / nothing, ms"),
-            format!("{:.3} / {:.3}", commands.at(0.5) - echoes.at(0.5), relayed.at(0.5) - echoes.at(0.5)),
+            format!(
+                "{:.3} / {:.3}",
+                commands.at(0.5) - echoes.at(0.5),
+                relayed.at(0.5) - echoes.at(0.5)
+            ),
         ),
-        Row::at_most(format!("{name}: beyond the broker's, p99, ms"), 2.0, commands.at(0.99) - echoes.at(0.99)),
+        Row::at_most(
+            format!("{name}: beyond the broker's, p99, ms"),
+            2.0,
+            commands.at(0.99) - echoes.at(0.99),
+        ),
         Row::told(
             format!("{name}: beyond the broker's, p99 with nothing in the hops, ms"),
             format!("{:.3}", relayed.at(0.99) - echoes.at(0.99)),
@@ -136,8 +201,19 @@ impl Scene {
     /// Sends commands until the first one gets through: the gateway may still be connecting to the broker.
     fn begin(&mut self) {
         for _ in 0..100 {
-            self.publisher.publish("vfd/bench/drive/d1/command", r#"{"run":"forward","frequency_hz":30}"#.into());
-            if self.line.wait_for(Duration::from_millis(100), |heard| heard.is_write(RUN, 1), drop).is_some() {
+            self.publisher.publish(
+                "vfd/bench/drive/d1/command",
+                r#"{"run":"forward","frequency_hz":30}"#.into(),
+            );
+            if self
+                .line
+                .wait_for(
+                    Duration::from_millis(100),
+                    |heard| heard.is_write(RUN, 1),
+                    drop,
+                )
+                .is_some()
+            {
                 return;
             }
         }
@@ -156,13 +232,18 @@ impl Scene {
     fn command(&mut self, n: u16) -> Option<Duration> {
         let value = 1000 + n % 2000;
         let (topic, payload) = if n.is_multiple_of(2) {
-            ("vfd/bench/drive/d1/frequency/set", format!("{}.{:02}", value / 100, value % 100))
+            (
+                "vfd/bench/drive/d1/frequency/set",
+                format!("{}.{:02}", value / 100, value % 100),
+            )
         } else {
             ("vfd/bench/drive/d1/run/set", "forward".to_owned())
         };
         let begun = self.moment();
         self.publisher.publish(topic, payload);
-        let heard = self.line.wait_for(PATIENCE, |heard| heard.at >= begun, drop);
+        let heard = self
+            .line
+            .wait_for(PATIENCE, |heard| heard.at >= begun, drop);
         self.lost += u64::from(heard.is_none());
         heard.map(|heard| heard.at.since(begun))
     }
@@ -180,7 +261,9 @@ impl Scene {
     fn relay(&mut self, n: u16) -> Option<Duration> {
         let begun = self.moment();
         self.publisher.publish(relay::TOPIC, n.to_string());
-        let heard = self.relayed.wait_for(PATIENCE, |heard| heard.at >= begun, drop);
+        let heard = self
+            .relayed
+            .wait_for(PATIENCE, |heard| heard.at >= begun, drop);
         self.lost += u64::from(heard.is_none());
         heard.map(|heard| heard.at.since(begun))
     }

@@ -23,12 +23,16 @@ impl Commander {
 
     /// Sends 06.
     pub fn send(&mut self, unit: u8, address: u16, value: u16) {
-        self.stream.write_all(&request(1, unit, 6, [address, value])).expect("the gateway takes requests");
+        self.stream
+            .write_all(&request(1, unit, 6, [address, value]))
+            .expect("the gateway takes requests");
     }
 
     /// Sends 03 and takes the answer.
     pub fn read(&mut self, unit: u8, address: u16, count: u16) -> Result<(), u8> {
-        self.stream.write_all(&request(1, unit, 3, [address, count])).expect("the gateway takes requests");
+        self.stream
+            .write_all(&request(1, unit, 3, [address, count]))
+            .expect("the gateway takes requests");
         self.answer()
     }
 
@@ -37,8 +41,14 @@ impl Commander {
         let mut header = [0; 8];
         self.stream.read_exact(&mut header).expect("an answer");
         let mut rest = vec![0; usize::from(u16::from_be_bytes([header[4], header[5]])) - 2];
-        self.stream.read_exact(&mut rest).expect("the rest of the answer");
-        if header[7] < 0x80 { Ok(()) } else { Err(rest[0]) }
+        self.stream
+            .read_exact(&mut rest)
+            .expect("the rest of the answer");
+        if header[7] < 0x80 {
+            Ok(())
+        } else {
+            Err(rest[0])
+        }
     }
 
     /// Sends 06 and waits for the answer; repeats it while the gateway refuses it.

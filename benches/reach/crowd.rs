@@ -61,16 +61,36 @@ impl Crowd {
         let begun = Instant::now();
         let gap = SECOND / a_second;
         let connect = |index: usize| {
-            std::thread::sleep((begun + gap * index as u32).saturating_duration_since(Instant::now()));
+            std::thread::sleep(
+                (begun + gap * index as u32).saturating_duration_since(Instant::now()),
+            );
             let stream = TcpStream::connect(address).expect("the gateway accepts");
             stream.set_nodelay(true).expect("TCP_NODELAY");
             stream.set_nonblocking(true).expect("non-blocking");
-            epoll::add(&poll, &stream, epoll::EventData::new_u64(index as u64), epoll::EventFlags::IN).expect("added");
-            Client { stream, received: 0, asked: None }
+            epoll::add(
+                &poll,
+                &stream,
+                epoll::EventData::new_u64(index as u64),
+                epoll::EventFlags::IN,
+            )
+            .expect("added");
+            Client {
+                stream,
+                received: 0,
+                asked: None,
+            }
         };
         let clients = (0..count).map(connect).collect();
-        let none = epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) };
-        Self { poll, clients, request: request(1, UNIFORM, 3, [0, WORDS]), events: vec![none; 256] }
+        let none = epoll::Event {
+            flags: epoll::EventFlags::empty(),
+            data: epoll::EventData::new_u64(0),
+        };
+        Self {
+            poll,
+            clients,
+            request: request(1, UNIFORM, 3, [0, WORDS]),
+            events: vec![none; 256],
+        }
     }
 
     /// Each client sends a request once a second for `seconds` seconds, at a moment of its own.
@@ -114,7 +134,11 @@ impl Crowd {
     /// How many are still connected.
     pub fn connected(&mut self) -> usize {
         let is_open = |client: &mut Client| matches!(client.stream.read(&mut [0]), Err(error) if error.kind() == ErrorKind::WouldBlock);
-        self.clients.iter_mut().map(is_open).filter(|it| *it).count()
+        self.clients
+            .iter_mut()
+            .map(is_open)
+            .filter(|it| *it)
+            .count()
     }
 
     fn ask(&mut self, client: usize, seen: &mut Seen) {
@@ -124,7 +148,10 @@ impl Crowd {
             return;
         }
         client.asked = Some(Instant::now());
-        client.stream.write_all(&self.request).expect("room for one request");
+        client
+            .stream
+            .write_all(&self.request)
+            .expect("room for one request");
     }
 
     fn finish(&mut self, seen: &mut Seen) {
@@ -139,13 +166,21 @@ impl Crowd {
 
     /// Takes received answers, or waits for them until `until`.
     fn look(&mut self, until: Option<Instant>, seen: &mut Seen) {
-        let left = until.map_or(Duration::ZERO, |until| until.saturating_duration_since(Instant::now()));
-        let timeout = Timespec { tv_sec: left.as_secs() as i64, tv_nsec: i64::from(left.subsec_nanos()) };
+        let left = until.map_or(Duration::ZERO, |until| {
+            until.saturating_duration_since(Instant::now())
+        });
+        let timeout = Timespec {
+            tv_sec: left.as_secs() as i64,
+            tv_nsec: i64::from(left.subsec_nanos()),
+        };
         let ready = epoll::wait(&self.poll, &mut self.events[..], Some(&timeout)).unwrap_or(0);
         for event in &self.events[..ready] {
             let client = &mut self.clients[event.data.u64() as usize];
             let mut buffer = [0; 2 * ANSWER_BYTES];
-            let read = client.stream.read(&mut buffer).expect("the gateway keeps the connection");
+            let read = client
+                .stream
+                .read(&mut buffer)
+                .expect("the gateway keeps the connection");
             assert!(
                 read > 0 && (client.received > 0 || buffer[7] == 3),
                 "an answer with words, not {:02x?}",
@@ -154,7 +189,8 @@ impl Crowd {
             client.received += read;
             if client.received == ANSWER_BYTES {
                 client.received = 0;
-                seen.took.extend(client.asked.take().map(|asked| asked.elapsed()));
+                seen.took
+                    .extend(client.asked.take().map(|asked| asked.elapsed()));
             }
         }
     }

@@ -38,18 +38,36 @@ impl Program {
     fn start() -> Self {
         let line = TappedLine::start(1, BusOptions::default());
         let listen = free_port();
-        let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen };
+        let setup = Setup {
+            device: line.path(),
+            drives: 1,
+            unpaced: false,
+            poll: "500ms",
+            mqtt: None,
+            listen,
+        };
         let place = Place::new();
         let file = place.path().join("gateway.toml");
         // As many as the limit of open files allows: the default limit is lower.
-        std::fs::write(&file, format!("{}connections_max = 65536\n", setup.text())).expect("a file");
+        std::fs::write(&file, format!("{}connections_max = 65536\n", setup.text()))
+            .expect("a file");
         let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-        command.args(["run", "-c"]).arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+            .args(["run", "-c"])
+            .arg(&file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
         let child = Running(command.spawn().expect("the gateway starts"));
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, listen));
         wait_for(address);
         std::thread::sleep(Duration::from_secs(1));
-        Self { child, address, line, _place: place }
+        Self {
+            child,
+            address,
+            line,
+            _place: place,
+        }
     }
 
     fn megabytes(&self) -> f64 {
@@ -58,9 +76,14 @@ impl Program {
 
     /// Processor time so far, in seconds.
     fn processor_s(&self) -> f64 {
-        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.0.id())).expect("its times");
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.0.id()))
+            .expect("its times");
         let (_, behind) = stat.rsplit_once(')').expect("its name");
-        let ticks = behind.split_whitespace().skip(11).take(2).map(|it| it.parse::<f64>().expect("ticks"));
+        let ticks = behind
+            .split_whitespace()
+            .skip(11)
+            .take(2)
+            .map(|it| it.parse::<f64>().expect("ticks"));
         ticks.sum::<f64>() / 100.0
     }
 
@@ -93,23 +116,50 @@ pub fn crowd() -> Vec<Row> {
     let seen = crowd.ask_for(if crate::is_quick() { 3 } else { 20 });
     let busy = (gateway.processor_s() - used) / began.elapsed().as_secs_f64() * 100.0;
     let mut rows = vec![
-        Row::told(format!("crowd: {CLIENTS} connections opened in, s"), format!("{:.2}", opened.as_secs_f64())),
-        Row::at_most(format!("crowd: {CLIENTS} clients once a second, p99, ms"), 10.0, seen.took().at(0.99)),
+        Row::told(
+            format!("crowd: {CLIENTS} connections opened in, s"),
+            format!("{:.2}", opened.as_secs_f64()),
+        ),
+        Row::at_most(
+            format!("crowd: {CLIENTS} clients once a second, p99, ms"),
+            10.0,
+            seen.took().at(0.99),
+        ),
         Row::told("crowd: p50 / p99 / max, ms", seen.took().shown()),
-        Row::told("crowd: requests sent late by this program, p50 / p99 / max, ms", seen.late().shown()),
+        Row::told(
+            "crowd: requests sent late by this program, p50 / p99 / max, ms",
+            seen.late().shown(),
+        ),
         Row::none("crowd: requests without an answer", seen.lost),
-        Row::told("crowd: processor of the gateway, % of one core", format!("{busy:.1}")),
-        Row::told("crowd: resident before / with them, MB", format!("{before:.1} / {:.1}", gateway.megabytes())),
+        Row::told(
+            "crowd: processor of the gateway, % of one core",
+            format!("{busy:.1}"),
+        ),
+        Row::told(
+            "crowd: resident before / with them, MB",
+            format!("{before:.1} / {:.1}", gateway.megabytes()),
+        ),
         Row::at_most("crowd: resident with them, MB", 60.0, gateway.megabytes()),
     ];
-    let bursts: Vec<Seen> = (0..if crate::is_quick() { 1 } else { 5 }).map(|_| crowd.burst()).collect();
-    let worst = bursts.iter().map(Seen::took).max_by(|a, b| a.at(0.99).total_cmp(&b.at(0.99)));
+    let bursts: Vec<Seen> = (0..if crate::is_quick() { 1 } else { 5 })
+        .map(|_| crowd.burst())
+        .collect();
+    let worst = bursts
+        .iter()
+        .map(Seen::took)
+        .max_by(|a, b| a.at(0.99).total_cmp(&b.at(0.99)));
     rows.push(Row::told(
         "crowd: all at once, p50 / p99 / max, ms",
         worst.as_ref().map_or_else(String::new, Times::shown),
     ));
-    rows.push(Row::none("crowd: of that without an answer", bursts.iter().map(|seen| seen.lost).sum()));
-    rows.push(Row::told("crowd: resident after that, MB", format!("{:.1}", gateway.megabytes())));
+    rows.push(Row::none(
+        "crowd: of that without an answer",
+        bursts.iter().map(|seen| seen.lost).sum(),
+    ));
+    rows.push(Row::told(
+        "crowd: resident after that, MB",
+        format!("{:.1}", gateway.megabytes()),
+    ));
     rows.extend(flooded(&gateway, &mut crowd));
     drop(crowd);
     gateway.stop();
@@ -149,10 +199,23 @@ fn flooded(gateway: &Program, crowd: &mut Crowd) -> Vec<Row> {
             "flood: p99 of the others without / beside a busy program / beside one that floods, ms",
             format!("{quiet:.3} / {busy:.3} / {flooded:.3}"),
         ),
-        Row::at_most("flood: p99 of the others grows by a factor of", 2.0, flooded / quiet),
-        Row::told("flood: and against that beside a busy program by", format!("{:.2}", flooded / busy)),
-        Row::none("flood: requests of the others without an answer within a second", lost),
-        Row::told("flood: answers/s to the one that floods", format!("{:.0}", answers as f64 / time)),
+        Row::at_most(
+            "flood: p99 of the others grows by a factor of",
+            2.0,
+            flooded / quiet,
+        ),
+        Row::told(
+            "flood: and against that beside a busy program by",
+            format!("{:.2}", flooded / busy),
+        ),
+        Row::none(
+            "flood: requests of the others without an answer within a second",
+            lost,
+        ),
+        Row::told(
+            "flood: answers/s to the one that floods",
+            format!("{:.0}", answers as f64 / time),
+        ),
     ]
 }
 
@@ -176,7 +239,10 @@ impl Spinner {
                 std::hint::spin_loop();
             }
         };
-        Self { end, thread: std::thread::spawn(spin) }
+        Self {
+            end,
+            thread: std::thread::spawn(spin),
+        }
     }
 
     fn stop(self) {
@@ -187,7 +253,9 @@ impl Spinner {
 
 /// As many clients that never send a request.
 fn idle() -> Vec<Row> {
-    let files = getrlimit(Resource::Nofile).current.map_or(usize::MAX, |files| files as usize);
+    let files = getrlimit(Resource::Nofile)
+        .current
+        .map_or(usize::MAX, |files| files as usize);
     let count = IDLE.min(files - OTHER_FILES);
     let gateway = Program::start();
     let mut crowd = Crowd::connect(gateway.address, count, A_SECOND);
@@ -198,7 +266,11 @@ fn idle() -> Vec<Row> {
     drop(crowd);
     gateway.stop();
     vec![
-        Row::all(format!("idle: connections held, with a limit of {files} files"), count, connected),
+        Row::all(
+            format!("idle: connections held, with a limit of {files} files"),
+            count,
+            connected,
+        ),
         Row::told("idle: resident with them, MB", format!("{memory:.1}")),
         Row::none("idle: then all ask at once: without an answer", seen.lost),
         Row::told("idle: then p50 / p99 / max, ms", seen.took().shown()),
@@ -220,7 +292,9 @@ impl Flood {
         let answers = Arc::new(AtomicU64::new(0));
         let ended = Arc::clone(&end);
         let counted = Arc::clone(&answers);
-        let requests: Vec<u8> = (0..512).flat_map(|slot| request(slot, UNIFORM, 3, [0, 16])).collect();
+        let requests: Vec<u8> = (0..512)
+            .flat_map(|slot| request(slot, UNIFORM, 3, [0, 16]))
+            .collect();
         let thread = std::thread::spawn(move || {
             let mut sent = 0;
             let mut buffer = vec![0; 64 * 1024];
@@ -231,11 +305,21 @@ impl Flood {
                 sent = (sent + written) % requests.len();
                 if read == 0 && written == 0 {
                     let mut fds = [PollFd::new(&stream, PollFlags::IN | PollFlags::OUT)];
-                    let _ = poll(&mut fds, Some(&Timespec { tv_sec: 0, tv_nsec: 50_000_000 }));
+                    let _ = poll(
+                        &mut fds,
+                        Some(&Timespec {
+                            tv_sec: 0,
+                            tv_nsec: 50_000_000,
+                        }),
+                    );
                 }
             }
         });
-        Self { end, answers, thread }
+        Self {
+            end,
+            answers,
+            thread,
+        }
     }
 
     /// Ends it. Returns how many answers it received.

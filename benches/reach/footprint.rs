@@ -30,29 +30,51 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Interval of checks whether it serves: small compared with the goal.
 const LOOK: Duration = Duration::from_millis(1);
 /// What the page requests when it is opened, besides its files.
-const DOCUMENTS: [&str; 4] = ["/api/v1/state", "/api/v1/advice", "/api/v1/journal?last=200", "/api/v1/health"];
+const DOCUMENTS: [&str; 4] = [
+    "/api/v1/state",
+    "/api/v1/advice",
+    "/api/v1/journal?last=200",
+    "/api/v1/health",
+];
 
 pub fn footprint() -> Vec<Row> {
     let answered = Arc::new(Answered::new());
     let end = Arc::new(AtomicBool::new(false));
-    let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
+    let lines: Vec<_> = (0..LINES)
+        .map(|line| start_line(line, &answered, &end))
+        .collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
     let broker = Broker::start(false);
     let place = Place::new();
     let plant = Plant::new(&place, &ports, broker.port);
     let mut rows = vec![
-        Row::told("footprint: drives on lines, points of each, poll", drives_told()),
-        Row::at_most("footprint: size of the program, MB", PROGRAM_MB, plant.program_mb()),
+        Row::told(
+            "footprint: drives on lines, points of each, poll",
+            drives_told(),
+        ),
+        Row::at_most(
+            "footprint: size of the program, MB",
+            PROGRAM_MB,
+            plant.program_mb(),
+        ),
     ];
     rows.extend(plant.starts(if crate::is_quick() { 10 } else { STARTS }));
-    rows.extend(plant.memory(broker.port, Duration::from_secs(if crate::is_quick() { 5 } else { 30 })));
+    rows.extend(plant.memory(
+        broker.port,
+        Duration::from_secs(if crate::is_quick() { 5 } else { 30 }),
+    ));
     end.store(true, Ordering::Relaxed);
-    lines.into_iter().for_each(|(_, line)| line.join().expect("a line ends"));
+    lines
+        .into_iter()
+        .for_each(|(_, line)| line.join().expect("a line ends"));
     rows
 }
 
 fn drives_told() -> String {
-    format!("{} on {LINES}, {POINTS}, {POLL:?}", LINES * usize::from(DRIVES))
+    format!(
+        "{} on {LINES}, {POINTS}, {POLL:?}",
+        LINES * usize::from(DRIVES)
+    )
 }
 
 /// The program, and how it is started.
@@ -66,10 +88,14 @@ struct Plant {
 impl Plant {
     fn new(place: &Place, ports: &[PathBuf], broker: u16) -> Self {
         let program = program();
-        let [http, modbus] = [free_port(), free_port()].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+        let [http, modbus] =
+            [free_port(), free_port()].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
         let data = place.path().join("data");
         std::fs::create_dir(&data).expect("a directory");
-        let head = format!("[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n", data.display());
+        let head = format!(
+            "[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n",
+            data.display()
+        );
         let text = format!(
             "{}[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\n[[modbus_tcp]]\nlisten = \"{modbus}\"\n\
              [http]\nlisten = \"{http}\"\n",
@@ -77,7 +103,12 @@ impl Plant {
         );
         let file = place.path().join("gateway.toml");
         std::fs::write(&file, text).expect("a file");
-        Self { program, file, http, modbus }
+        Self {
+            program,
+            file,
+            http,
+            modbus,
+        }
     }
 
     fn program_mb(&self) -> f64 {
@@ -103,11 +134,20 @@ impl Plant {
         let ready = Times::new(ready);
         vec![
             Row::told(
-                format!("footprint: {count} starts to the first Modbus answer, p50 / p99 / max, ms"),
+                format!(
+                    "footprint: {count} starts to the first Modbus answer, p50 / p99 / max, ms"
+                ),
                 answered.shown(),
             ),
-            Row::told("footprint: to all lines and the broker, p50 / p99 / max, ms", ready.shown()),
-            Row::at_most("footprint: to all lines and the broker, p99, ms", START_MS, ready.at(0.99)),
+            Row::told(
+                "footprint: to all lines and the broker, p50 / p99 / max, ms",
+                ready.shown(),
+            ),
+            Row::at_most(
+                "footprint: to all lines and the broker, p99, ms",
+                START_MS,
+                ready.at(0.99),
+            ),
         ]
     }
 
@@ -116,28 +156,45 @@ impl Plant {
         let begun = Instant::now();
         let mut gateway = self.start();
         until(begun, || is_ready(self.http));
-        let _subscriber = Talker::connect(broker, "bench-watch", &["vfd/bench/#"]).expect("it accepts");
+        let _subscriber =
+            Talker::connect(broker, "bench-watch", &["vfd/bench/#"]).expect("it accepts");
         std::thread::sleep(span);
         let alone = Memory::of(gateway.id());
         let http = self.http;
         let over = Arc::new(AtomicBool::new(false));
         let is_over = Arc::clone(&over);
         let page = std::thread::spawn(move || open_page(http, &is_over));
-        let load = clients::run(self.modbus, CLIENTS, Duration::ZERO, span, |client, request| {
-            // Every client reads all words of every drive's uniform unit.
-            (101 + ((client as u64 + request) % (LINES as u64 * u64::from(DRIVES))) as u8, 0, 16)
-        });
+        let load = clients::run(
+            self.modbus,
+            CLIENTS,
+            Duration::ZERO,
+            span,
+            |client, request| {
+                // Every client reads all words of every drive's uniform unit.
+                (
+                    101 + ((client as u64 + request) % (LINES as u64 * u64::from(DRIVES))) as u8,
+                    0,
+                    16,
+                )
+            },
+        );
         let busy = Memory::of(gateway.id());
         over.store(true, Ordering::Relaxed);
         let events = page.join().expect("the page");
         end(&mut gateway);
         vec![
-            Row::told("footprint: resident with 32 drives and a broker, MB", alone.shown()),
+            Row::told(
+                "footprint: resident with 32 drives and a broker, MB",
+                alone.shown(),
+            ),
             Row::told(
                 format!("footprint: {CLIENTS} clients' answers a second / events of the page"),
                 format!("{:.0} / {events}", load.rate()),
             ),
-            Row::told(format!("footprint: the same with the page and {CLIENTS} clients, MB"), busy.shown()),
+            Row::told(
+                format!("footprint: the same with the page and {CLIENTS} clients, MB"),
+                busy.shown(),
+            ),
             Row::at_most(
                 format!("footprint: resident with the page and {CLIENTS} clients, MB"),
                 RESIDENT_MB,
@@ -149,13 +206,19 @@ impl Plant {
 
 /// The program to measure.
 pub fn program() -> PathBuf {
-    std::env::var_os("VFD_GATEWAY").map_or_else(|| env!("CARGO_BIN_EXE_vfd-gateway").into(), PathBuf::from)
+    std::env::var_os("VFD_GATEWAY")
+        .map_or_else(|| env!("CARGO_BIN_EXE_vfd-gateway").into(), PathBuf::from)
 }
 
 /// The gateway of a configuration, as a process of its own.
 pub fn start(program: &Path, file: &Path) -> Child {
     let mut command = Command::new(program);
-    command.args(["run", "-c"]).arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["run", "-c"])
+        .arg(file)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     command.spawn().expect("the gateway starts")
 }
 
@@ -169,7 +232,8 @@ pub fn until(begun: Instant, mut is_so: impl FnMut() -> bool) -> Duration {
 }
 
 pub fn has_words(modbus: SocketAddr) -> bool {
-    TcpStream::connect(modbus).is_ok_and(|mut stream| clients::once(&mut stream, (101, 0, 1)).is_ok())
+    TcpStream::connect(modbus)
+        .is_ok_and(|mut stream| clients::once(&mut stream, (101, 0, 1)).is_ok())
 }
 
 pub fn is_ready(http: SocketAddr) -> bool {
@@ -192,19 +256,29 @@ fn open_page(http: SocketAddr, is_over: &AtomicBool) -> usize {
         answer
     };
     let index = ask("/");
-    let files: Vec<_> = index.split('"').filter(|path| path.contains("assets/")).collect();
+    let files: Vec<_> = index
+        .split('"')
+        .filter(|path| path.contains("assets/"))
+        .collect();
     assert!(!files.is_empty(), "a page names its files");
-    files.iter().for_each(|path| drop(ask(&format!("/{}", path.trim_start_matches(['.', '/'])))));
+    files
+        .iter()
+        .for_each(|path| drop(ask(&format!("/{}", path.trim_start_matches(['.', '/'])))));
     DOCUMENTS.iter().for_each(|path| drop(ask(path)));
-    (0..LINES * usize::from(DRIVES)).for_each(|drive| drop(ask(&format!("/api/v1/trend?drive=d{drive}"))));
+    (0..LINES * usize::from(DRIVES))
+        .for_each(|drive| drop(ask(&format!("/api/v1/trend?drive=d{drive}"))));
     let mut stream = TcpStream::connect(http).expect("it accepts");
-    stream.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n").expect("it reads");
+    stream
+        .write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .expect("it reads");
     let mut events = 0;
     let mut buffer = vec![0; 64 * 1024];
     while !is_over.load(Ordering::Relaxed) {
         let length = stream.read(&mut buffer).expect("events");
         assert!(length > 0, "the gateway has closed the connection");
-        events += String::from_utf8_lossy(&buffer[..length]).matches("event: ").count();
+        events += String::from_utf8_lossy(&buffer[..length])
+            .matches("event: ")
+            .count();
     }
     events
 }
@@ -227,16 +301,31 @@ pub struct Memory {
 impl Memory {
     pub fn of(process: u32) -> Self {
         let status =
-            std::fs::read_to_string(Path::new("/proc").join(process.to_string()).join("status")).expect("a process");
+            std::fs::read_to_string(Path::new("/proc").join(process.to_string()).join("status"))
+                .expect("a process");
         let number = |key: &str| -> u64 {
-            let line = status.lines().find_map(|line| line.strip_prefix(key)).expect("its size");
-            line.trim().trim_end_matches(" kB").parse().expect("a number")
+            let line = status
+                .lines()
+                .find_map(|line| line.strip_prefix(key))
+                .expect("its size");
+            line.trim()
+                .trim_end_matches(" kB")
+                .parse()
+                .expect("a number")
         };
         let mb = |key: &str| number(key) as f64 * 1024.0 / 1e6;
-        Self { resident_mb: mb("VmRSS:"), own_mb: mb("RssAnon:"), most_mb: mb("VmHWM:"), threads: number("Threads:") }
+        Self {
+            resident_mb: mb("VmRSS:"),
+            own_mb: mb("RssAnon:"),
+            most_mb: mb("VmHWM:"),
+            threads: number("Threads:"),
+        }
     }
 
     pub fn shown(&self) -> String {
-        format!("{:.1}, own {:.1}, most {:.1}, {} threads", self.resident_mb, self.own_mb, self.most_mb, self.threads)
+        format!(
+            "{:.1}, own {:.1}, most {:.1}, {} threads",
+            self.resident_mb, self.own_mb, self.most_mb, self.threads
+        )
     }
 }

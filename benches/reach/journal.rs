@@ -24,17 +24,38 @@ const BARE_BYTES: usize = 4 * 4096;
 const GROUP: u64 = 2000;
 
 pub fn journal() -> Vec<Row> {
-    let (trips, groups) = if crate::is_quick() { (200, 10) } else { (2000, 50) };
+    let (trips, groups) = if crate::is_quick() {
+        (200, 10)
+    } else {
+        (2000, 50)
+    };
     let place = Place::new();
-    let setup =
-        Setup { device: Path::new("/dev/null"), drives: 1, unpaced: false, poll: "250ms", mqtt: None, listen: 0 };
+    let setup = Setup {
+        device: Path::new("/dev/null"),
+        drives: 1,
+        unpaced: false,
+        poll: "250ms",
+        mqtt: None,
+        listen: 0,
+    };
     let shared = Arc::new(build::shared(&setup.config()));
-    let settings = Settings { directory: place.path().to_owned(), max_bytes: 64_000_000, configuration: String::new() };
-    let (journal, _) =
-        Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).expect("a journal");
+    let settings = Settings {
+        directory: place.path().to_owned(),
+        max_bytes: 64_000_000,
+        configuration: String::new(),
+    };
+    let (journal, _) = Journal::start(
+        &settings,
+        NorthSides::default(),
+        Arc::clone(&shared.changed),
+    )
+    .expect("a journal");
     let line = &shared.lines[0];
     let drives = vec![shared.drives[0].description.clone()];
-    let mut writer = Writer { source: journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)), row: 0 };
+    let mut writer = Writer {
+        source: journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)),
+        row: 0,
+    };
     let mut bare = File::create(place.path().join("bare")).expect("a file");
     let mut ours = Vec::new();
     let mut theirs = Vec::new();
@@ -54,8 +75,14 @@ pub fn journal() -> Vec<Row> {
     let rate = (groups * GROUP) as f64 / clock::now().since(begun).as_secs_f64();
     let report = journal.report();
     vec![
-        Row::told("journal: bare write and fdatasync, p50 / p99 / max, ms", theirs.shown()),
-        Row::told("journal: trip until it is on the disk, p50 / p99 / max, ms", ours.shown()),
+        Row::told(
+            "journal: bare write and fdatasync, p50 / p99 / max, ms",
+            theirs.shown(),
+        ),
+        Row::told(
+            "journal: trip until it is on the disk, p50 / p99 / max, ms",
+            ours.shown(),
+        ),
         Row::at_most(
             "journal: p99 of a trip against that of the bare write and 2 ms, ms",
             theirs.at(0.99) + MARGIN_MS,
@@ -75,7 +102,12 @@ impl Writer {
     fn put(&mut self, entry: fn(u64) -> Entry) -> RowNumber {
         self.row += 1;
         let row = RowNumber(self.row);
-        self.source.keep(Keep { row, drive: DriveIndex(0), at: clock::now(), entry: entry(self.row) });
+        self.source.keep(Keep {
+            row,
+            drive: DriveIndex(0),
+            at: clock::now(),
+            entry: entry(self.row),
+        });
         row
     }
 
@@ -90,8 +122,14 @@ impl Writer {
     }
 
     fn trip(number: u64) -> Entry {
-        let words = (0x0111_u16..0x0117).map(|address| (address.into(), number as u16)).collect();
-        let record = TripRecord { at: clock::now(), code: Some(1), words };
+        let words = (0x0111_u16..0x0117)
+            .map(|address| (address.into(), number as u16))
+            .collect();
+        let record = TripRecord {
+            at: clock::now(),
+            code: Some(1),
+            words,
+        };
         let event = TripEvent {
             kind: TripEventKind::Tripped { trips: 1, record },
             count: None,
@@ -104,7 +142,12 @@ impl Writer {
     fn refusal(number: u64) -> Entry {
         let tried = Tried::Text(format!("no {number}"));
         let report = Some(Report::refused(Reason::NotUnderstood));
-        Entry::Attempt(Attempt { id: AttemptId(number), owner: Owner::Mqtt, tried, report })
+        Entry::Attempt(Attempt {
+            id: AttemptId(number),
+            owner: Owner::Mqtt,
+            tried,
+            report,
+        })
     }
 }
 

@@ -46,7 +46,11 @@ pub fn library() -> Vec<Row> {
         .collect();
     let (first, of_one) = measured("one model", &vec![Arc::clone(one); LINES]);
     let (second, of_many) = measured("16 models", &many);
-    let more = Row::at_most("library: resident with 16 models, beyond one, MB", MORE_MB, of_many - of_one);
+    let more = Row::at_most(
+        "library: resident with 16 models, beyond one, MB",
+        MORE_MB,
+        of_many - of_one,
+    );
     first.into_iter().chain(second).chain([more]).collect()
 }
 
@@ -55,7 +59,8 @@ fn measured(label: &str, models: &[Arc<Model>]) -> (Vec<Row>, f64) {
     let over = Arc::new(AtomicBool::new(false));
     let lines: Vec<_> = models.iter().map(|model| line(model, &over)).collect();
     let place = Place::new();
-    let [http, modbus] = [free_port(), free_port()].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    let [http, modbus] =
+        [free_port(), free_port()].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
     let data = place.path().join("data");
     std::fs::create_dir(&data).expect("a directory");
     let file = place.path().join("gateway.toml");
@@ -75,11 +80,23 @@ fn measured(label: &str, models: &[Arc<Model>]) -> (Vec<Row>, f64) {
     let memory = Memory::of(gateway.id());
     end(&mut gateway);
     over.store(true, Ordering::Relaxed);
-    lines.into_iter().for_each(|(_, line)| line.join().expect("a line ends"));
+    lines
+        .into_iter()
+        .for_each(|(_, line)| line.join().expect("a line ends"));
     let rows = vec![
-        Row::told(format!("library: {label}, start to first Modbus answer, p50 / p99 / max, ms"), starts.shown()),
-        Row::at_most(format!("library: {label}, start to first Modbus answer, p50, ms"), START_MS, starts.at(0.5)),
-        Row::told(format!("library: {label}, resident with 32 drives, MB"), memory.shown()),
+        Row::told(
+            format!("library: {label}, start to first Modbus answer, p50 / p99 / max, ms"),
+            starts.shown(),
+        ),
+        Row::at_most(
+            format!("library: {label}, start to first Modbus answer, p50, ms"),
+            START_MS,
+            starts.at(0.5),
+        ),
+        Row::told(
+            format!("library: {label}, resident with 32 drives, MB"),
+            memory.shown(),
+        ),
     ];
     (rows, memory.resident_mb)
 }
@@ -91,10 +108,16 @@ fn line(model: &Arc<Model>, over: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>)
     let model = Arc::clone(model);
     let over = Arc::clone(over);
     let thread = std::thread::spawn(move || {
-        let options = BusOptions { pacing: Pacing::None, ..BusOptions::default() };
+        let options = BusOptions {
+            pacing: Pacing::None,
+            ..BusOptions::default()
+        };
         let mut bus = SimBus::new(model.link.played(), options, 1);
         for station in 1..=DRIVES {
-            bus.connect(Station(station), SimDrive::new(Arc::clone(&model), DriveOptions::default()));
+            bus.connect(
+                Station(station),
+                SimDrive::new(Arc::clone(&model), DriveOptions::default()),
+            );
         }
         simulator::play(&pty, &mut bus, &over, |_, _| ()).expect("the simulated line");
     });
@@ -107,7 +130,10 @@ fn text<'m>(
     http: SocketAddr,
     modbus: SocketAddr,
 ) -> String {
-    let mut text = format!("[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n", data.display());
+    let mut text = format!(
+        "[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n",
+        data.display()
+    );
     for (number, (model, port)) in lines.enumerate() {
         let link = model.link.played();
         let parity = match link.parity {
@@ -137,6 +163,9 @@ fn text<'m>(
             }
         }
     }
-    let _ = write!(text, "[[modbus_tcp]]\nlisten = \"{modbus}\"\n[http]\nlisten = \"{http}\"\n");
+    let _ = write!(
+        text,
+        "[[modbus_tcp]]\nlisten = \"{modbus}\"\n[http]\nlisten = \"{http}\"\n"
+    );
     text
 }

@@ -81,7 +81,10 @@ const PARTS: [(&str, Part); 22] = [
 ];
 
 fn main() {
-    let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
+    let wanted: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|arg| !arg.starts_with('-'))
+        .collect();
     table::print_heading();
     for (name, part) in PARTS {
         if wanted.is_empty() || wanted.iter().any(|part| part == name) {

@@ -20,12 +20,24 @@ pub fn memory() -> Vec<Row> {
     let line = TappedLine::start(DRIVES, BusOptions::default());
     let listen = free_port();
     let mqtt = Some((broker.port, 5));
-    let setup = Setup { device: line.path(), drives: DRIVES, unpaced: false, poll: "1s", mqtt, listen };
+    let setup = Setup {
+        device: line.path(),
+        drives: DRIVES,
+        unpaced: false,
+        poll: "1s",
+        mqtt,
+        listen,
+    };
     let place = Place::new();
     let file = place.path().join("gateway.toml");
     std::fs::write(&file, setup.text()).expect("a file");
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-    command.args(["run", "-c"]).arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["run", "-c"])
+        .arg(&file)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     let mut gateway = command.spawn().expect("the gateway starts");
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, listen));
     wait_for(address);
@@ -43,8 +55,14 @@ pub fn memory() -> Vec<Row> {
     line.stop();
     let mb = |kb: u64| format!("{:.1}", kb as f64 / 1024.0);
     vec![
-        Row::told("memory: 8 drives, broker connected: resident, MB", mb(alone)),
-        Row::told("memory: the same with 100 connections: resident, MB", mb(with_clients)),
+        Row::told(
+            "memory: 8 drives, broker connected: resident, MB",
+            mb(alone),
+        ),
+        Row::told(
+            "memory: the same with 100 connections: resident, MB",
+            mb(with_clients),
+        ),
     ]
 }
 
@@ -59,7 +77,14 @@ pub fn wait_for(address: SocketAddr) {
 }
 
 pub fn resident_kb(program: &Child) -> u64 {
-    let status = std::fs::read_to_string(format!("/proc/{}/status", program.id())).expect("its status");
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its size");
-    line.trim().trim_end_matches(" kB").parse().expect("a number")
+    let status =
+        std::fs::read_to_string(format!("/proc/{}/status", program.id())).expect("its status");
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))
+        .expect("its size");
+    line.trim()
+        .trim_end_matches(" kB")
+        .parse()
+        .expect("a number")
 }

@@ -31,14 +31,25 @@ pub struct Offer {
 
 impl Offer {
     /// Connects `clients` that offer `slots` reads each: `next` makes the request of a client's slot.
-    pub fn start(address: SocketAddr, clients: usize, slots: u16, next: impl Fn(usize, u16) -> Request) -> Self {
+    pub fn start(
+        address: SocketAddr,
+        clients: usize,
+        slots: u16,
+        next: impl Fn(usize, u16) -> Request,
+    ) -> Self {
         let connect = |index: usize| {
             let stream = TcpStream::connect(address).expect("the gateway accepts");
             stream.set_nodelay(true).expect("TCP_NODELAY");
             stream.set_nonblocking(true).expect("non-blocking");
             let requests: Vec<Request> = (0..slots).map(|slot| next(index, slot)).collect();
             let out = requests.concat();
-            Client { stream, requests, received: Vec::new(), out, refused: VecDeque::new() }
+            Client {
+                stream,
+                requests,
+                received: Vec::new(),
+                out,
+                refused: VecDeque::new(),
+            }
         };
         let mut all: Vec<Client> = (0..clients).map(connect).collect();
         let end = Arc::new(AtomicBool::new(false));
@@ -46,8 +57,13 @@ impl Offer {
         let thread = std::thread::spawn(move || {
             let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
             for (client, index) in all.iter().zip(0..) {
-                epoll::add(&poll, &client.stream, epoll::EventData::new_u64(index), epoll::EventFlags::IN)
-                    .expect("added");
+                epoll::add(
+                    &poll,
+                    &client.stream,
+                    epoll::EventData::new_u64(index),
+                    epoll::EventFlags::IN,
+                )
+                .expect("added");
             }
             let mut answers = Answers::default();
             let mut again = Instant::now();
@@ -70,8 +86,14 @@ impl Offer {
 }
 
 fn turn(poll: &std::os::fd::OwnedFd, clients: &mut [Client], answers: &mut Answers) {
-    let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
-    let timeout = rustix::event::Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
+    let mut events = [epoll::Event {
+        flags: epoll::EventFlags::empty(),
+        data: epoll::EventData::new_u64(0),
+    }; 64];
+    let timeout = rustix::event::Timespec {
+        tv_sec: 0,
+        tv_nsec: 20_000_000,
+    };
     let ready = epoll::wait(poll, &mut events[..], Some(&timeout)).unwrap_or(0);
     for event in &events[..ready] {
         clients[event.data.u64() as usize].take(answers);
@@ -83,7 +105,8 @@ impl Client {
         for (slot, is_right) in taken(&mut self.stream, &mut self.received) {
             if is_right {
                 answers.right += 1;
-                self.out.extend_from_slice(&self.requests[usize::from(slot)]);
+                self.out
+                    .extend_from_slice(&self.requests[usize::from(slot)]);
             } else {
                 answers.exceptions += 1;
                 self.refused.push_back((Instant::now(), slot));
@@ -98,7 +121,8 @@ impl Client {
                 break;
             }
             self.refused.pop_front();
-            self.out.extend_from_slice(&self.requests[usize::from(slot)]);
+            self.out
+                .extend_from_slice(&self.requests[usize::from(slot)]);
         }
         self.send();
     }

@@ -30,7 +30,10 @@ struct Line {
 pub fn paced() -> Vec<Row> {
     let part = if crate::is_quick() { 10 } else { 1 };
     let line = |baud, wanted, seconds| Line {
-        link: LinkSettings { baud, ..LinkSettings::DEFAULT },
+        link: LinkSettings {
+            baud,
+            ..LinkSettings::DEFAULT
+        },
         wanted,
         time: SECOND * seconds / part,
     };
@@ -43,13 +46,20 @@ pub fn paced() -> Vec<Row> {
         rows.extend(more);
     }
     let wanted = if crate::is_quick() { 500.0 } else { 10_000.0 };
-    rows.push(Row::rate("paced: gaps measured on both lines", wanted, all as f64));
+    rows.push(Row::rate(
+        "paced: gaps measured on both lines",
+        wanted,
+        all as f64,
+    ));
     rows
 }
 
 fn play(line: &Line) -> (usize, Vec<Row>) {
     let baud = line.link.baud;
-    let rig = Rig::start(&Options { baud, ..Options::paced(1) });
+    let rig = Rig::start(&Options {
+        baud,
+        ..Options::paced(1)
+    });
     let bare = std::thread::spawn(|| bare::timer(500, true));
     let hop = std::thread::spawn(|| bare::hop(1000));
     let ask = |client: usize, _| (1, PROOF + client as u16 * WORDS, WORDS);
@@ -60,30 +70,72 @@ fn play(line: &Line) -> (usize, Vec<Row>) {
     let hop = hop.join().expect("the bare hop");
     let model = n700();
     let timing = Timing::for_models(Framing::Rtu, line.link, [model.as_ref()], Duration::ZERO);
-    let busy = |rate: f64| rate * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
+    let busy =
+        |rate: f64| rate * budget::read_time(&timing, WORDS, TURNAROUND).as_secs_f64() * 100.0;
     // The first gap is the start, not the line.
-    let mut gaps: Vec<f64> = outcome.bus.gaps().iter().skip(1).map(|gap| gap.as_secs_f64() * 1e3).collect();
+    let mut gaps: Vec<f64> = outcome
+        .bus
+        .gaps()
+        .iter()
+        .skip(1)
+        .map(|gap| gap.as_secs_f64() * 1e3)
+        .collect();
     gaps.sort_by(f64::total_cmp);
     let silence = timing.silence.as_secs_f64() * 1e3;
     let beyond = |part| part_of(&gaps, part) - silence;
     let rows = vec![
-        Row::at_least(format!("paced {baud}: line busy, % of what its gap allows"), line.wanted, busy(load.rate())),
-        Row::told(format!("paced {baud}: the same with one client that waits"), format!("{:.3}", busy(alone.rate()))),
-        Row::at_most(format!("paced {baud}: gap p50 beyond {silence:.4} ms, in ms"), 0.3, beyond(0.5)),
+        Row::at_least(
+            format!("paced {baud}: line busy, % of what its gap allows"),
+            line.wanted,
+            busy(load.rate()),
+        ),
+        Row::told(
+            format!("paced {baud}: the same with one client that waits"),
+            format!("{:.3}", busy(alone.rate())),
+        ),
+        Row::at_most(
+            format!("paced {baud}: gap p50 beyond {silence:.4} ms, in ms"),
+            0.3,
+            beyond(0.5),
+        ),
         Row::told(
             format!("paced {baud}: gap min / p50 / p99 / max beyond that, ms"),
-            format!("{:.3} / {:.3} / {:.3} / {:.3}", beyond(0.0), beyond(0.5), beyond(0.99), beyond(1.0)),
+            format!(
+                "{:.3} / {:.3} / {:.3} / {:.3}",
+                beyond(0.0),
+                beyond(0.5),
+                beyond(0.99),
+                beyond(1.0)
+            ),
         ),
         Row::told(
             format!("paced {baud}: bare real-time timer in the same run, late p50 / p99 / max, ms"),
-            format!("{:.3} / {:.3} / {:.3}", part_of(&bare, 0.5), part_of(&bare, 0.99), part_of(&bare, 1.0)),
+            format!(
+                "{:.3} / {:.3} / {:.3}",
+                part_of(&bare, 0.5),
+                part_of(&bare, 0.99),
+                part_of(&bare, 1.0)
+            ),
         ),
         Row::told(
-            format!("paced {baud}: bare pseudo-terminal, one byte one way in the same run, p50 / p99 / max, ms"),
-            format!("{:.3} / {:.3} / {:.3}", part_of(&hop, 0.5), part_of(&hop, 0.99), part_of(&hop, 1.0)),
+            format!(
+                "paced {baud}: bare pseudo-terminal, one byte one way in the same run, p50 / p99 / max, ms"
+            ),
+            format!(
+                "{:.3} / {:.3} / {:.3}",
+                part_of(&hop, 0.5),
+                part_of(&hop, 0.99),
+                part_of(&hop, 1.0)
+            ),
         ),
-        Row::none(format!("paced {baud}: gaps shorter than the silence"), outcome.bus.gaps_too_short),
-        Row::told(format!("paced {baud}: gaps measured"), gaps.len().to_string()),
+        Row::none(
+            format!("paced {baud}: gaps shorter than the silence"),
+            outcome.bus.gaps_too_short,
+        ),
+        Row::told(
+            format!("paced {baud}: gaps measured"),
+            gaps.len().to_string(),
+        ),
     ];
     (gaps.len(), rows)
 }

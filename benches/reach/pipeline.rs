@@ -10,7 +10,11 @@ pub type Request = [u8; 12];
 
 /// A request of transaction `slot`: `function` (03 or 06) with two words.
 pub fn request(slot: u16, unit: u8, function: u8, words: [u16; 2]) -> Request {
-    let ([t0, t1], [a0, a1], [b0, b1]) = (slot.to_be_bytes(), words[0].to_be_bytes(), words[1].to_be_bytes());
+    let ([t0, t1], [a0, a1], [b0, b1]) = (
+        slot.to_be_bytes(),
+        words[0].to_be_bytes(),
+        words[1].to_be_bytes(),
+    );
     [t0, t1, 0, 0, 0, 6, unit, function, a0, a1, b0, b1]
 }
 
@@ -38,26 +42,48 @@ pub struct Pipeline {
 
 impl Pipeline {
     /// Connects and sends every request once: `next` makes the request of a client's slot.
-    pub fn connect(address: SocketAddr, clients: usize, slots: u16, next: impl Fn(usize, u16) -> Request) -> Self {
+    pub fn connect(
+        address: SocketAddr,
+        clients: usize,
+        slots: u16,
+        next: impl Fn(usize, u16) -> Request,
+    ) -> Self {
         let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
         let connect = |index: usize| {
             let mut stream = TcpStream::connect(address).expect("the gateway accepts");
             stream.set_nodelay(true).expect("TCP_NODELAY");
             let requests: Vec<Request> = (0..slots).map(|slot| next(index, slot)).collect();
-            stream.write_all(&requests.concat()).expect("room for the first requests");
+            stream
+                .write_all(&requests.concat())
+                .expect("room for the first requests");
             stream.set_nonblocking(true).expect("non-blocking");
             let data = epoll::EventData::new_u64(index as u64);
             epoll::add(&poll, &stream, data, epoll::EventFlags::IN).expect("epoll add");
-            Client { stream, requests, received: Vec::new(), out: Vec::new() }
+            Client {
+                stream,
+                requests,
+                received: Vec::new(),
+                out: Vec::new(),
+            }
         };
         let clients = (0..clients).map(connect).collect();
-        Self { poll, clients, answers: Answers::default() }
+        Self {
+            poll,
+            clients,
+            answers: Answers::default(),
+        }
     }
 
     /// Takes answers once and repeats the request of each, waiting at most 50 ms.
     pub fn turn(&mut self) {
-        let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
-        let timeout = rustix::event::Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+        let mut events = [epoll::Event {
+            flags: epoll::EventFlags::empty(),
+            data: epoll::EventData::new_u64(0),
+        }; 64];
+        let timeout = rustix::event::Timespec {
+            tv_sec: 0,
+            tv_nsec: 50_000_000,
+        };
         let ready = epoll::wait(&self.poll, &mut events[..], Some(&timeout)).unwrap_or(0);
         for event in &events[..ready] {
             self.clients[event.data.u64() as usize].take(&mut self.answers);
@@ -82,11 +108,18 @@ impl Pipeline {
 impl Client {
     fn take(&mut self, answers: &mut Answers) {
         for (slot, is_right) in taken(&mut self.stream, &mut self.received) {
-            *(if is_right { &mut answers.right } else { &mut answers.exceptions }) += 1;
-            self.out.extend_from_slice(&self.requests[usize::from(slot)]);
+            *(if is_right {
+                &mut answers.right
+            } else {
+                &mut answers.exceptions
+            }) += 1;
+            self.out
+                .extend_from_slice(&self.requests[usize::from(slot)]);
         }
         if !self.out.is_empty() {
-            self.stream.write_all(&self.out).expect("room for the next requests");
+            self.stream
+                .write_all(&self.out)
+                .expect("room for the next requests");
             self.out.clear();
         }
     }

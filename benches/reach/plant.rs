@@ -39,7 +39,11 @@ impl Setup<'_> {
         let mut text = format!(
             "[gateway]\nname = \"bench\"\n[[line]]\nname = \"bench\"\nport = \"{}\"\n{}",
             self.device.display(),
-            if self.unpaced { "silence = \"0ms\"\n" } else { "" }
+            if self.unpaced {
+                "silence = \"0ms\"\n"
+            } else {
+                ""
+            }
         );
         // Writing to a String cannot fail.
         for station in 1..=self.drives {
@@ -51,13 +55,24 @@ impl Setup<'_> {
                  on_commander_lost = \"stop\"\nlost_after = \"3s\"\non_shutdown = \"stop\"\n",
                 self.poll,
                 UNIFORM - 1 + station,
-                if self.mqtt.is_some() { "\"mqtt\", " } else { "" },
+                if self.mqtt.is_some() {
+                    "\"mqtt\", "
+                } else {
+                    ""
+                },
             );
         }
         if let Some((port, version)) = self.mqtt {
-            let _ = write!(text, "[mqtt]\nbroker = \"mqtt://127.0.0.1:{port}\"\nversion = {version}\n");
+            let _ = write!(
+                text,
+                "[mqtt]\nbroker = \"mqtt://127.0.0.1:{port}\"\nversion = {version}\n"
+            );
         }
-        let _ = write!(text, "[[modbus_tcp]]\nlisten = \"127.0.0.1:{}\"\nwrite = [\"127.0.0.1/32\"]\n", self.listen);
+        let _ = write!(
+            text,
+            "[[modbus_tcp]]\nlisten = \"127.0.0.1:{}\"\nwrite = [\"127.0.0.1/32\"]\n",
+            self.listen
+        );
         text
     }
 
@@ -80,7 +95,11 @@ impl Gateway {
         let (told, listening) = mpsc::channel();
         let (stop, stopped) = tokio::sync::oneshot::channel();
         let thread = std::thread::spawn(move || rig::serve(&text, &told, stopped));
-        Self { address: listening.recv().expect("the gateway listens"), stop, thread }
+        Self {
+            address: listening.recv().expect("the gateway listens"),
+            stop,
+            thread,
+        }
     }
 
     pub fn stop(self) -> LineCounters {
@@ -95,7 +114,11 @@ pub struct Place(PathBuf);
 impl Place {
     pub fn new() -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        let name = format!("vfd-reach-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let name = format!(
+            "vfd-reach-{}-{}",
+            std::process::id(),
+            COUNT.fetch_add(1, Ordering::Relaxed)
+        );
         let path = std::env::temp_dir().join(name);
         std::fs::create_dir(&path).expect("a directory");
         Self(path)

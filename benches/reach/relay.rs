@@ -19,7 +19,10 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// line is a real-time one if the line has character times.
 pub fn start(port: u16, bus: BusOptions, real_time: bool) -> TappedLine {
     let line = TappedLine::start(1, bus);
-    let mut device = OpenOptions::new().write(true).open(line.path()).expect("the pseudo-terminal");
+    let mut device = OpenOptions::new()
+        .write(true)
+        .open(line.path())
+        .expect("the pseudo-terminal");
     let (tell, told) = sync_channel(1);
     std::thread::spawn(move || {
         if real_time {

@@ -54,13 +54,24 @@ impl Options {
 
     /// Speed and character format of the line.
     pub fn link(&self) -> LinkSettings {
-        LinkSettings { baud: self.baud, ..LinkSettings::DEFAULT }
+        LinkSettings {
+            baud: self.baud,
+            ..LinkSettings::DEFAULT
+        }
     }
 
     /// Without character times and without silence.
     pub fn unpaced(drives: u8) -> Self {
-        let bus = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
-        Self { bus, line_keys: "silence = \"0ms\"\n", ..Self::paced(drives) }
+        let bus = BusOptions {
+            pacing: Pacing::None,
+            silence: Some(Duration::ZERO),
+            ..BusOptions::default()
+        };
+        Self {
+            bus,
+            line_keys: "silence = \"0ms\"\n",
+            ..Self::paced(drives)
+        }
     }
 }
 
@@ -106,18 +117,33 @@ impl Rig {
         let (stop, stopped) = tokio::sync::oneshot::channel();
         let gateway = std::thread::spawn(move || serve(&text, &told, stopped));
         let address = listening.recv().expect("the gateway listens");
-        Self { address, exchanges, late, end, stop, gateway, simulator }
+        Self {
+            address,
+            exchanges,
+            late,
+            end,
+            stop,
+            gateway,
+            simulator,
+        }
     }
 
     pub fn stop(self) -> Outcome {
         let _ = self.stop.send(());
         let line = self.gateway.join().expect("the gateway ends");
         self.end.store(true, Ordering::Relaxed);
-        Outcome { bus: self.simulator.join().expect("the simulator ends"), line }
+        Outcome {
+            bus: self.simulator.join().expect("the simulator ends"),
+            line,
+        }
     }
 }
 
-pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::oneshot::Receiver<()>) -> LineCounters {
+pub fn serve(
+    text: &str,
+    told: &mpsc::Sender<SocketAddr>,
+    stopped: tokio::sync::oneshot::Receiver<()>,
+) -> LineCounters {
     let catalog = vendors::catalog();
     let config = config::load(text, &catalog).expect("the configuration is sound");
     let mut counters = LineCounters::default();
@@ -133,11 +159,18 @@ pub fn serve(text: &str, told: &mpsc::Sender<SocketAddr>, stopped: tokio::sync::
 fn bus(options: &Options) -> SimBus {
     let mut bus = SimBus::new(options.link(), options.bus, 1);
     for station in 1..=options.drives {
-        let drive = DriveOptions { proof_words: Some(PROOF..=PROOF + 0xFF), ..DriveOptions::default() };
+        let drive = DriveOptions {
+            proof_words: Some(PROOF..=PROOF + 0xFF),
+            ..DriveOptions::default()
+        };
         bus.connect(Station(station), SimDrive::new(n700(), drive));
     }
     if let Some(station) = options.dead {
-        bus.set_powered(vfd_gateway::domain::time::MonoTime::ZERO, Station(station), false);
+        bus.set_powered(
+            vfd_gateway::domain::time::MonoTime::ZERO,
+            Station(station),
+            false,
+        );
     }
     bus
 }
@@ -155,5 +188,8 @@ fn configuration(pty: &Pty, options: &Options) -> String {
             options.poll, options.drive_keys
         );
     }
-    format!("{text}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{}", options.listener_keys)
+    format!(
+        "{text}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{}",
+        options.listener_keys
+    )
 }

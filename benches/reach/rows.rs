@@ -18,14 +18,26 @@ pub fn unpaced() -> Vec<Row> {
     let (one, bare) = one_client();
     let rig = Rig::start(&Options::unpaced(1));
     let before = Instant::now();
-    clients::run(rig.address, 8, SECOND, 5 * SECOND, |client, n| (1, PROOF + client as u16 * 8 + (n % 8) as u16, 1));
+    clients::run(rig.address, 8, SECOND, 5 * SECOND, |client, n| {
+        (1, PROOF + client as u16 * 8 + (n % 8) as u16, 1)
+    });
     let took = before.elapsed();
     let line = rig.stop().line;
     vec![
         Row::rate("unpaced: exchanges/s, one client that waits", 7_000.0, one),
-        Row::told("bare threads over the same hops in the same run, exchanges/s", format!("{bare:.0}")),
-        Row::told("unpaced: one client, part of what the bare threads reach", format!("{:.2}", one / bare)),
-        Row::rate("unpaced: line exchanges/s, 8 clients", 15_000.0, line.replies as f64 / took.as_secs_f64()),
+        Row::told(
+            "bare threads over the same hops in the same run, exchanges/s",
+            format!("{bare:.0}"),
+        ),
+        Row::told(
+            "unpaced: one client, part of what the bare threads reach",
+            format!("{:.2}", one / bare),
+        ),
+        Row::rate(
+            "unpaced: line exchanges/s, 8 clients",
+            15_000.0,
+            line.replies as f64 / took.as_secs_f64(),
+        ),
     ]
 }
 
@@ -50,10 +62,14 @@ pub fn shared() -> Vec<Row> {
     let rig = Rig::start(&Options::unpaced(1));
     let mut pairs = [(0.0, 0.0); 3];
     for pair in &mut pairs {
-        let load = clients::run(rig.address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| (1, PROOF, 8));
+        let load = clients::run(rig.address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| {
+            (1, PROOF, 8)
+        });
         assert_eq!(load.exceptions, 0);
         let (address, answerer) = bare::answerer(CLIENTS);
-        let from_nothing = clients::run(address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| (1, PROOF, 8));
+        let from_nothing = clients::run(address, CLIENTS, SECOND / 2, 3 * SECOND, |_, _| {
+            (1, PROOF, 8)
+        });
         answerer.join().expect("the answerer ends");
         *pair = (load.rate(), from_nothing.rate());
     }
@@ -61,7 +77,10 @@ pub fn shared() -> Vec<Row> {
     let (answers, from_nothing) = medians(&pairs);
     vec![
         Row::rate("unpaced: shared answers/s, 64 clients", 100_000.0, answers),
-        Row::told("a bare thread that answers from nothing, in the same run", format!("{from_nothing:.0}")),
+        Row::told(
+            "a bare thread that answers from nothing, in the same run",
+            format!("{from_nothing:.0}"),
+        ),
     ]
 }
 
@@ -72,13 +91,23 @@ pub fn fair() -> Vec<Row> {
         let next = |client: usize, n: u64| (1 + ((client as u64 * 3 + n) % 8) as u8, 0x0101, 1);
         let load = clients::run(rig.address, clients, 2 * SECOND, 20 * SECOND, next);
         rig.stop();
-        load.right.into_iter().map(|right| right as f64 / load.took.as_secs_f64()).collect::<Vec<_>>()
+        load.right
+            .into_iter()
+            .map(|right| right as f64 / load.took.as_secs_f64())
+            .collect::<Vec<_>>()
     };
     let alone = walk(1)[0];
     let worst = walk(20).into_iter().fold(f64::MAX, f64::min);
     vec![
-        Row::told("8 drives at 9600: reads/s of one client alone", format!("{alone:.2}")),
-        Row::at_least("8 drives at 9600: slowest of 20 clients, part of that", 0.9, worst / alone),
+        Row::told(
+            "8 drives at 9600: reads/s of one client alone",
+            format!("{alone:.2}"),
+        ),
+        Row::at_least(
+            "8 drives at 9600: slowest of 20 clients, part of that",
+            0.9,
+            worst / alone,
+        ),
     ]
 }
 
@@ -88,7 +117,11 @@ pub fn along() -> Vec<Row> {
     const POLLED: [(u16, u16); 4] = [(0x0101, 1), (0x0112, 1), (0x0201, 1), (0x0211, 2)];
     const OTHERS: [(u16, u16); 4] = [(PROOF, 1), (PROOF + 1, 1), (PROOF + 2, 1), (PROOF + 3, 2)];
     let walk = |poll: &'static str, listener_keys: &'static str, reads: [(u16, u16); 4]| {
-        let rig = Rig::start(&Options { poll, listener_keys, ..Options::paced(8) });
+        let rig = Rig::start(&Options {
+            poll,
+            listener_keys,
+            ..Options::paced(8)
+        });
         let next = |_: usize, n: u64| {
             let (address, count) = reads[(n / 8 % 4) as usize];
             (1 + (n % 8) as u8, address, count)
@@ -102,18 +135,30 @@ pub fn along() -> Vec<Row> {
     let polled = walk("1s", "", POLLED);
     let cached = walk("1s", "cached = true\n", POLLED);
     vec![
-        Row::told("8 drives at 9600: reads/s of one client on the bare line", format!("{bare:.2}")),
-        Row::told("the same beside polls every second, of what is not polled", format!("{beside:.2}")),
+        Row::told(
+            "8 drives at 9600: reads/s of one client on the bare line",
+            format!("{bare:.2}"),
+        ),
+        Row::told(
+            "the same beside polls every second, of what is not polled",
+            format!("{beside:.2}"),
+        ),
         Row::told("the same, of all that is polled", format!("{polled:.2}")),
         Row::at_least("what is polled, part of the bare line", 0.96, polled / bare),
-        Row::told("the same with `cached`, line and memory", format!("{cached:.0}")),
+        Row::told(
+            "the same with `cached`, line and memory",
+            format!("{cached:.0}"),
+        ),
     ]
 }
 
 /// One dead drive of eight; eight clients, one a drive.
 pub fn dead() -> Vec<Row> {
     let seven = |dead: Option<u8>| {
-        let rig = Rig::start(&Options { dead, ..Options::paced(8) });
+        let rig = Rig::start(&Options {
+            dead,
+            ..Options::paced(8)
+        });
         // From the very start, so that finding out that the drive is dead counts too.
         let load = clients::run(rig.address, 7, Duration::ZERO, 60 * SECOND, |client, n| {
             // A client reads its own drive and, every eighth time, the eighth.
@@ -124,28 +169,59 @@ pub fn dead() -> Vec<Row> {
     };
     let all = seven(None) * 7.0 / 8.0;
     let rest = seven(Some(8));
-    vec![Row::at_least("one dead drive of 8: rate of the other 7, part of full", 0.95, rest / all)]
+    vec![Row::at_least(
+        "one dead drive of 8: rate of the other 7, part of full",
+        0.95,
+        rest / all,
+    )]
 }
 
 /// Late replies, in simulation and on a pseudo-terminal.
 pub fn late() -> Vec<Row> {
     let begun = Instant::now();
-    let runs: Vec<(u64, u64)> = (1..=4).map(|seed| late_in_simulation(seed, 250_000)).collect();
+    let runs: Vec<(u64, u64)> = (1..=4)
+        .map(|seed| late_in_simulation(seed, 250_000))
+        .collect();
     let took = begun.elapsed();
-    let (late, wrong) = runs.iter().fold((0, 0), |(late, wrong), run| (late + run.0, wrong + run.1));
+    let (late, wrong) = runs
+        .iter()
+        .fold((0, 0), |(late, wrong), run| (late + run.0, wrong + run.1));
     let (pty_late, pty_right, pty_wrong) = late_on_pty(if crate::is_quick() { 50 } else { 1000 });
     vec![
-        Row::told("late replies in simulation", format!("{late} in {:.0} s", took.as_secs_f64())),
-        Row::none("late replies in simulation: taken for another request", wrong),
-        Row::told("late replies on a pseudo-terminal / right answers", format!("{pty_late} / {pty_right}")),
-        Row::none("late replies on a pseudo-terminal: taken for another", pty_wrong),
+        Row::told(
+            "late replies in simulation",
+            format!("{late} in {:.0} s", took.as_secs_f64()),
+        ),
+        Row::none(
+            "late replies in simulation: taken for another request",
+            wrong,
+        ),
+        Row::told(
+            "late replies on a pseudo-terminal / right answers",
+            format!("{pty_late} / {pty_right}"),
+        ),
+        Row::none(
+            "late replies on a pseudo-terminal: taken for another",
+            pty_wrong,
+        ),
     ]
 }
 
 fn late_in_simulation(seed: u64, wanted: u64) -> (u64, u64) {
-    let faults = FaultPlan { late: 300, ..FaultPlan::NONE };
-    let bus = BusOptions { faults, ..BusOptions::default() };
-    let mut rig = support::Rig::new(&RigOptions { drives: 4, bus, seed, ..RigOptions::default() });
+    let faults = FaultPlan {
+        late: 300,
+        ..FaultPlan::NONE
+    };
+    let bus = BusOptions {
+        faults,
+        ..BusOptions::default()
+    };
+    let mut rig = support::Rig::new(&RigOptions {
+        drives: 4,
+        bus,
+        seed,
+        ..RigOptions::default()
+    });
     rig.keeps_sent = false;
     for asker in 0..6 {
         rig.read(asker, asker as u16 % 4, PROOF, 1 + asker as u16);
@@ -166,9 +242,14 @@ fn late_in_simulation(seed: u64, wanted: u64) -> (u64, u64) {
 }
 
 fn late_on_pty(wanted: u64) -> (u64, u64, u64) {
-    let faults: FaultPlan = "late=400,timeout-ms=50,lateness-ms=100".parse().expect("a plan");
+    let faults: FaultPlan = "late=400,timeout-ms=50,lateness-ms=100"
+        .parse()
+        .expect("a plan");
     let options = Options {
-        bus: BusOptions { faults, ..BusOptions::default() },
+        bus: BusOptions {
+            faults,
+            ..BusOptions::default()
+        },
         line_keys: "reply_timeout = \"50ms\"\n",
         drive_keys: "max_lateness = \"150ms\"\n",
         ..Options::paced(1)
@@ -183,7 +264,9 @@ fn late_on_pty(wanted: u64) -> (u64, u64, u64) {
         n += 1;
         if let Ok(words) = clients::once(&mut stream, (1, PROOF, 1 + n % 3)) {
             // Every exchange that this request caused is later than all that the drive had received before it.
-            let fresh = words.iter().all(|word| (word.wrapping_sub(heard as u16) as i16) > 0);
+            let fresh = words
+                .iter()
+                .all(|word| (word.wrapping_sub(heard as u16) as i16) > 0);
             *(if fresh { &mut right } else { &mut wrong }) += 1;
         }
     }

@@ -28,7 +28,14 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 pub fn setpoints() -> Vec<Row> {
     let line = TappedLine::start(1, BusOptions::default());
-    let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen: 0 };
+    let setup = Setup {
+        device: line.path(),
+        drives: 1,
+        unpaced: false,
+        poll: "500ms",
+        mqtt: None,
+        listen: 0,
+    };
     let bounds = line_plan::stop_bounds(&setup.config().lines[0]);
     let gateway = Gateway::start(&setup);
     let mut commander = Commander::connect(gateway.address);
@@ -46,7 +53,9 @@ pub fn setpoints() -> Vec<Row> {
         let asked = clock::now();
         commander.send(UNIFORM, RUN_WORD, 0);
         let is_stop = |heard: &crate::tapped::Heard| heard.is_write(RUN, 0) && heard.at >= asked;
-        let stop = line.wait_for(PATIENCE, is_stop, |_| {}).expect("the STOP goes out");
+        let stop = line
+            .wait_for(PATIENCE, is_stop, |_| {})
+            .expect("the STOP goes out");
         stops.push(stop.at.since(asked));
         commander.answer().expect("the STOP is taken");
         let asked = Instant::now();
@@ -55,24 +64,41 @@ pub fn setpoints() -> Vec<Row> {
     }
     let (sent, time) = flood.stop();
     let last = line.wait_for(PATIENCE, |heard| heard.is_write(SETPOINT, LAST), |_| {});
-    let behind =
-        line.wait_for(Duration::from_millis(500), |heard| heard.writes() && heard.frame[3] == SETPOINT as u8, |_| {});
+    let behind = line.wait_for(
+        Duration::from_millis(500),
+        |heard| heard.writes() && heard.frame[3] == SETPOINT as u8,
+        |_| {},
+    );
     gateway.stop();
     line.stop();
     let stops = Times::new(stops);
     let reads = Times::new(reads);
     let in_ms = |bound: Duration| bound.as_secs_f64() * 1e3;
     vec![
-        Row::rate("setpoints: sent a second to one drive", A_SECOND as f64 * 0.95, sent as f64 / time.as_secs_f64()),
+        Row::rate(
+            "setpoints: sent a second to one drive",
+            A_SECOND as f64 * 0.95,
+            sent as f64 / time.as_secs_f64(),
+        ),
         Row::at_most(
             "setpoints: longest wait of a STOP, against its printed bound, ms",
             in_ms(bounds.all_healthy),
             stops.at(1.0),
         ),
         Row::told("setpoints: STOP p50 / p99 / max, ms", stops.shown()),
-        Row::told("setpoints: native reads of another p50 / p99 / max, ms", reads.shown()),
-        Row::all("setpoints: the newest one reaches the drive", 1, usize::from(last.is_some())),
-        Row::none("setpoints: other ones behind it", u64::from(behind.is_some())),
+        Row::told(
+            "setpoints: native reads of another p50 / p99 / max, ms",
+            reads.shown(),
+        ),
+        Row::all(
+            "setpoints: the newest one reaches the drive",
+            1,
+            usize::from(last.is_some()),
+        ),
+        Row::none(
+            "setpoints: other ones behind it",
+            u64::from(behind.is_some()),
+        ),
     ]
 }
 

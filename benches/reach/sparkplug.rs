@@ -6,7 +6,8 @@ use crate::brokers::Broker;
 use crate::plant::Place;
 use crate::table::Row;
 use crate::telemetry::{
-    Answered, DRIVES, LINES, POINTS, lines_text, per_cent, start_gateway, start_line, thread_ticks, ticks,
+    Answered, DRIVES, LINES, POINTS, lines_text, per_cent, start_gateway, start_line, thread_ticks,
+    ticks,
 };
 use std::collections::HashSet;
 use std::fmt::Write as _;
@@ -34,7 +35,10 @@ struct Seen {
 
 impl Seen {
     fn take(&mut self, topic: &str, bytes: &[u8]) {
-        let Some(kind) = topic.split('/').nth(2).filter(|kind| kind.ends_with("BIRTH") || kind.ends_with("DATA"))
+        let Some(kind) = topic
+            .split('/')
+            .nth(2)
+            .filter(|kind| kind.ends_with("BIRTH") || kind.ends_with("DATA"))
         else {
             return;
         };
@@ -45,11 +49,17 @@ impl Seen {
         self.next = Some((number + 1) % 256);
         let is_birth = kind.ends_with("BIRTH");
         for metric in &payload.metrics {
-            let is_point = metric.name.as_deref().is_some_and(|name| name.starts_with("measure/v"));
+            let is_point = metric
+                .name
+                .as_deref()
+                .is_some_and(|name| name.starts_with("measure/v"));
             if let Some(alias) = metric.alias.filter(|_| is_birth && is_point) {
                 self.points.insert(alias);
             }
-            let is_change = metric.alias.is_some_and(|alias| self.points.contains(&alias)) && !is_birth;
+            let is_change = metric
+                .alias
+                .is_some_and(|alias| self.points.contains(&alias))
+                && !is_birth;
             self.changes += u64::from(is_change && matches!(metric.value, Some(Value::Double(_))));
         }
         self.messages += 1;
@@ -68,7 +78,9 @@ pub fn sparkplug() -> Vec<Row> {
     let look = Duration::from_secs(if crate::is_quick() { 10 } else { 60 });
     let answered = Arc::new(Answered::new());
     let end = Arc::new(AtomicBool::new(false));
-    let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
+    let lines: Vec<_> = (0..LINES)
+        .map(|line| start_line(line, &answered, &end))
+        .collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
     let broker = Broker::start(false);
     let place = Place::new();
@@ -87,7 +99,9 @@ pub fn sparkplug() -> Vec<Row> {
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
     end.store(true, Ordering::Relaxed);
-    lines.into_iter().for_each(|(_, line)| line.join().expect("a line ends"));
+    lines
+        .into_iter()
+        .for_each(|(_, line)| line.join().expect("a line ends"));
     rows(&seen, took, used, of_lines, broker.name())
 }
 
@@ -97,9 +111,20 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
     let a_second = |count: u64| count as f64 / took.as_secs_f64();
     let load = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
     vec![
-        Row::told("sparkplug: drives, metrics of each, change, broker", format!("32, {POINTS}, {POLL:?}, {broker}")),
-        Row::at_least("sparkplug: changes that came, of all that there were", 0.98, seen.changes as f64 / expected),
-        Row::at_most("sparkplug: numbers that were missing or out of order", 0.0, seen.gaps as f64),
+        Row::told(
+            "sparkplug: drives, metrics of each, change, broker",
+            format!("32, {POINTS}, {POLL:?}, {broker}"),
+        ),
+        Row::at_least(
+            "sparkplug: changes that came, of all that there were",
+            0.98,
+            seen.changes as f64 / expected,
+        ),
+        Row::at_most(
+            "sparkplug: numbers that were missing or out of order",
+            0.0,
+            seen.gaps as f64,
+        ),
         Row::told(
             "sparkplug: messages / changes / kB a second",
             format!(
@@ -114,7 +139,10 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
             5.0,
             per_cent(used - of_lines, took),
         ),
-        Row::told("sparkplug: that of its lines, % of a core", format!("{:.1}", per_cent(of_lines, took))),
+        Row::told(
+            "sparkplug: that of its lines, % of a core",
+            format!("{:.1}", per_cent(of_lines, took)),
+        ),
         Row::told("sparkplug: load of the machine", load.trim().to_owned()),
     ]
 }
@@ -122,15 +150,24 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
 /// Receives for `span`.
 fn watch(host: &mut Talker, seen: &mut Seen, span: Duration) {
     let until = Instant::now() + span;
-    while let Some(message) = host.next(until.saturating_duration_since(Instant::now())).expect("it is there") {
+    while let Some(message) = host
+        .next(until.saturating_duration_since(Instant::now()))
+        .expect("it is there")
+    {
         seen.take(&message.topic, &message.payload);
     }
 }
 
 fn configuration(ports: &[PathBuf], broker: u16, place: &Place) -> String {
-    let head = format!("[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n", place.path().display());
+    let head = format!(
+        "[gateway]\nname = \"bench\"\ndata_dir = \"{}\"\n",
+        place.path().display()
+    );
     let mut text = lines_text(&head, ports, POLL);
     // The gateway's own topics are not what is measured.
-    let _ = write!(text, "[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\npublish = [\"info\"]\n");
+    let _ = write!(
+        text,
+        "[mqtt]\nbroker = \"mqtt://127.0.0.1:{broker}\"\npublish = [\"info\"]\n"
+    );
     text + "[mqtt.sparkplug]\ngroup = \"bench\"\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"
 }

@@ -14,7 +14,12 @@ impl Row {
     pub fn at_least(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
         let what = what.into();
         let reached = measured >= wanted;
-        Self { what, wanted: format!(">= {wanted}"), measured: format!("{measured:.3}"), reached }
+        Self {
+            what,
+            wanted: format!(">= {wanted}"),
+            measured: format!("{measured:.3}"),
+            reached,
+        }
     }
 
     pub fn at_most(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
@@ -22,27 +27,48 @@ impl Row {
         let reached = measured <= wanted;
         Self {
             what,
-            wanted: format!("<= {wanted:.4}").trim_end_matches('0').trim_end_matches('.').to_owned(),
+            wanted: format!("<= {wanted:.4}")
+                .trim_end_matches('0')
+                .trim_end_matches('.')
+                .to_owned(),
             measured: format!("{measured:.3}"),
             reached,
         }
     }
 
     pub fn rate(what: impl Into<String>, wanted: f64, measured: f64) -> Self {
-        Self { measured: format!("{measured:.0}"), ..Self::at_least(what, wanted, measured) }
+        Self {
+            measured: format!("{measured:.0}"),
+            ..Self::at_least(what, wanted, measured)
+        }
     }
 
     pub fn none(what: impl Into<String>, measured: u64) -> Self {
-        Self { what: what.into(), wanted: "0".into(), measured: measured.to_string(), reached: measured == 0 }
+        Self {
+            what: what.into(),
+            wanted: "0".into(),
+            measured: measured.to_string(),
+            reached: measured == 0,
+        }
     }
 
     pub fn all(what: impl Into<String>, wanted: usize, measured: usize) -> Self {
         let (wanted, reached) = (wanted.to_string(), measured == wanted);
-        Self { what: what.into(), wanted, measured: measured.to_string(), reached }
+        Self {
+            what: what.into(),
+            wanted,
+            measured: measured.to_string(),
+            reached,
+        }
     }
 
     pub fn told(what: impl Into<String>, measured: impl Into<String>) -> Self {
-        Self { what: what.into(), wanted: String::new(), measured: measured.into(), reached: true }
+        Self {
+            what: what.into(),
+            wanted: String::new(),
+            measured: measured.into(),
+            reached: true,
+        }
     }
 
     pub fn print(&self) {
@@ -53,13 +79,19 @@ impl Row {
         } else {
             "NO"
         };
-        println!("{:<76} {:>10} {:>26}  {reached}", self.what, self.wanted, self.measured);
+        println!(
+            "{:<76} {:>10} {:>26}  {reached}",
+            self.what, self.wanted, self.measured
+        );
     }
 }
 
 /// The heading of the table.
 pub fn print_heading() {
-    println!("{:<76} {:>10} {:>26}  reached", "what", "wanted", "measured");
+    println!(
+        "{:<76} {:>10} {:>26}  reached",
+        "what", "wanted", "measured"
+    );
 }
 
 /// Times in ms, sorted.
@@ -68,7 +100,10 @@ pub struct Times(Vec<f64>);
 
 impl Times {
     pub fn new(spans: impl IntoIterator<Item = Duration>) -> Self {
-        let mut times: Vec<f64> = spans.into_iter().map(|span| span.as_secs_f64() * 1e3).collect();
+        let mut times: Vec<f64> = spans
+            .into_iter()
+            .map(|span| span.as_secs_f64() * 1e3)
+            .collect();
         times.sort_by(f64::total_cmp);
         Self(times)
     }
@@ -79,12 +114,21 @@ impl Times {
 
     /// The time that this part of all does not exceed; NaN if there is none.
     pub fn at(&self, part: f64) -> f64 {
-        if self.0.is_empty() { f64::NAN } else { part_of(&self.0, part) }
+        if self.0.is_empty() {
+            f64::NAN
+        } else {
+            part_of(&self.0, part)
+        }
     }
 
     /// p50 / p99 / max.
     pub fn shown(&self) -> String {
-        format!("{:.3} / {:.3} / {:.3}", self.at(0.5), self.at(0.99), self.at(1.0))
+        format!(
+            "{:.3} / {:.3} / {:.3}",
+            self.at(0.5),
+            self.at(0.99),
+            self.at(1.0)
+        )
     }
 }
 

@@ -37,7 +37,9 @@ pub struct Heard {
 impl Heard {
     /// Whether it writes `value` to the register at `address`.
     pub fn is_write(&self, address: u16, value: u16) -> bool {
-        self.writes() && self.frame[2..4] == address.to_be_bytes() && self.frame[4..6] == value.to_be_bytes()
+        self.writes()
+            && self.frame[2..4] == address.to_be_bytes()
+            && self.frame[4..6] == value.to_be_bytes()
     }
 
     pub fn writes(&self) -> bool {
@@ -61,14 +63,24 @@ impl TappedLine {
         let mut bus = SimBus::new(LinkSettings::DEFAULT, options, 1);
         for station in 1..=drives {
             let proof_words = Some(0x3000..=0x3FFF);
-            let drive = DriveOptions { proof_words, acceleration: RAMP, deceleration: RAMP, ..DriveOptions::default() };
+            let drive = DriveOptions {
+                proof_words,
+                acceleration: RAMP,
+                deceleration: RAMP,
+                ..DriveOptions::default()
+            };
             bus.connect(Station(station), SimDrive::new(n700(), drive));
         }
         let end = Arc::new(AtomicBool::new(false));
         let ended = Arc::clone(&end);
         let (tell, heard) = channel();
         let player = std::thread::spawn(move || play(&pty, &mut bus, &ended, &tell));
-        Self { path, heard, end, player }
+        Self {
+            path,
+            heard,
+            end,
+            player,
+        }
     }
 
     pub fn path(&self) -> &Path {
@@ -104,7 +116,10 @@ impl TappedLine {
 
     /// Drops the requests so far. Returns how many of them were writes.
     pub fn forget(&self) -> u64 {
-        self.heard.try_iter().map(|heard| u64::from(heard.writes())).sum()
+        self.heard
+            .try_iter()
+            .map(|heard| u64::from(heard.writes()))
+            .sum()
     }
 
     pub fn stop(self) -> BusReport {
@@ -137,7 +152,10 @@ fn play(pty: &Pty, bus: &mut SimBus, end: &AtomicBool, tell: &Sender<Heard>) -> 
                     begun.push(*byte);
                     if begun.len() == REQUEST_BYTES {
                         // The receiver is gone at the end.
-                        let _ = tell.send(Heard { at: first, frame: std::mem::take(&mut begun) });
+                        let _ = tell.send(Heard {
+                            at: first,
+                            frame: std::mem::take(&mut begun),
+                        });
                     }
                 }
             }
@@ -155,7 +173,10 @@ fn wait(pty: &Pty, bus: &SimBus, timer: &mut RawTimer) {
         return;
     }
     timer.arm(wake).expect("armed");
-    let mut fds = [PollFd::from_borrowed_fd(pty.master().as_fd(), PollFlags::IN), PollFd::new(&*timer, PollFlags::IN)];
+    let mut fds = [
+        PollFd::from_borrowed_fd(pty.master().as_fd(), PollFlags::IN),
+        PollFd::new(&*timer, PollFlags::IN),
+    ];
     let _ = poll(&mut fds, None);
     if fds[1].revents().contains(PollFlags::IN) {
         timer.acknowledge();

@@ -39,7 +39,10 @@ pub struct Answered {
 impl Answered {
     pub fn new() -> Self {
         let times = || (0..REMEMBERED).map(|_| AtomicU64::new(0)).collect();
-        Self { begun: Instant::now(), drives: (0..LINES * usize::from(DRIVES)).map(|_| times()).collect() }
+        Self {
+            begun: Instant::now(),
+            drives: (0..LINES * usize::from(DRIVES)).map(|_| times()).collect(),
+        }
     }
 
     fn note(&self, drive: usize, exchange: u64) {
@@ -50,7 +53,9 @@ impl Answered {
     /// How long ago that was.
     fn age(&self, drive: usize, word: u64) -> Duration {
         let at = self.drives[drive][word as usize % REMEMBERED].load(Ordering::Acquire);
-        self.begun.elapsed().saturating_sub(Duration::from_nanos(at))
+        self.begun
+            .elapsed()
+            .saturating_sub(Duration::from_nanos(at))
     }
 }
 
@@ -65,12 +70,15 @@ pub fn telemetry() -> Vec<Row> {
     let look = Duration::from_secs(if crate::is_quick() { 5 } else { 30 });
     let answered = Arc::new(Answered::new());
     let end = Arc::new(AtomicBool::new(false));
-    let lines: Vec<_> = (0..LINES).map(|line| start_line(line, &answered, &end)).collect();
+    let lines: Vec<_> = (0..LINES)
+        .map(|line| start_line(line, &answered, &end))
+        .collect();
     let ports: Vec<_> = lines.iter().map(|(port, _)| port.clone()).collect();
     let broker = Broker::start(false);
     let place = Place::new();
     let mut gateway = start_gateway(&place, &configuration(&ports, broker.port));
-    let mut subscriber = Talker::connect(broker.port, "bench-watch", &["vfd/bench/drive/#"]).expect("it accepts");
+    let mut subscriber =
+        Talker::connect(broker.port, "bench-watch", &["vfd/bench/drive/#"]).expect("it accepts");
     watch(&mut subscriber, &answered, WARM_UP);
     let ticks = ticks(gateway.id());
     let threads = thread_ticks(gateway.id());
@@ -82,7 +90,9 @@ pub fn telemetry() -> Vec<Row> {
     gateway.kill().expect("killed");
     gateway.wait().expect("collected");
     end.store(true, Ordering::Relaxed);
-    lines.into_iter().for_each(|(_, line)| line.join().expect("a line ends"));
+    lines
+        .into_iter()
+        .for_each(|(_, line)| line.join().expect("a line ends"));
     rows(&seen, took, used, threads, broker.name())
 }
 
@@ -92,9 +102,19 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
     let in_time = seen.ages.iter().filter(|age| **age <= POLL).count();
     let times = Times::new(seen.ages.iter().copied());
     vec![
-        Row::told("telemetry: drives, points of each, poll, broker", format!("32, {POINTS}, {POLL:?}, {broker}")),
-        Row::told("telemetry: answer of the drive to subscriber, p50 / p99 / max, ms", times.shown()),
-        Row::all("telemetry: changes that came within one poll", seen.ages.len(), in_time),
+        Row::told(
+            "telemetry: drives, points of each, poll, broker",
+            format!("32, {POINTS}, {POLL:?}, {broker}"),
+        ),
+        Row::told(
+            "telemetry: answer of the drive to subscriber, p50 / p99 / max, ms",
+            times.shown(),
+        ),
+        Row::all(
+            "telemetry: changes that came within one poll",
+            seen.ages.len(),
+            in_time,
+        ),
         Row::at_least(
             "telemetry: changes that came, of all that there were",
             0.98,
@@ -108,8 +128,15 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
                 seen.states as f64 / took.as_secs_f64()
             ),
         ),
-        Row::at_most("telemetry: CPU of the gateway, % of a core", 10.0, per_cent(used, took)),
-        Row::told("telemetry: of that for its lines, % of a core", format!("{:.1}", per_cent(of_lines, took))),
+        Row::at_most(
+            "telemetry: CPU of the gateway, % of a core",
+            10.0,
+            per_cent(used, took),
+        ),
+        Row::told(
+            "telemetry: of that for its lines, % of a core",
+            format!("{:.1}", per_cent(of_lines, took)),
+        ),
     ]
 }
 
@@ -117,13 +144,24 @@ fn rows(seen: &Seen, took: Duration, used: f64, of_lines: f64, broker: &str) -> 
 fn watch(subscriber: &mut Talker, answered: &Answered, span: Duration) -> Seen {
     let mut seen = Seen::default();
     let until = Instant::now() + span;
-    while let Some(message) = subscriber.next(until.saturating_duration_since(Instant::now())).expect("it is there") {
+    while let Some(message) = subscriber
+        .next(until.saturating_duration_since(Instant::now()))
+        .expect("it is there")
+    {
         let mut levels = message.topic.split('/').skip(3);
-        let drive = levels.next().and_then(|name| name.strip_prefix('d')).and_then(|number| number.parse().ok());
-        let (Some(drive), Some(level)) = (drive, levels.next()) else { continue };
+        let drive = levels
+            .next()
+            .and_then(|name| name.strip_prefix('d'))
+            .and_then(|number| number.parse().ok());
+        let (Some(drive), Some(level)) = (drive, levels.next()) else {
+            continue;
+        };
         seen.states += u64::from(level == "state");
-        let is_point = level == "measure" && levels.next().is_some_and(|name| name.starts_with('v'));
-        let word = std::str::from_utf8(&message.payload).ok().and_then(|text| text.parse().ok());
+        let is_point =
+            level == "measure" && levels.next().is_some_and(|name| name.starts_with('v'));
+        let word = std::str::from_utf8(&message.payload)
+            .ok()
+            .and_then(|text| text.parse().ok());
         if let Some(word) = word.filter(|_| is_point && !message.retain) {
             seen.ages.push(answered.age(drive, word));
         }
@@ -132,16 +170,27 @@ fn watch(subscriber: &mut Talker, answered: &Answered, span: Duration) -> Seen {
 }
 
 /// A line whose drives record when they answered each exchange.
-pub fn start_line(line: usize, answered: &Arc<Answered>, end: &Arc<AtomicBool>) -> (PathBuf, JoinHandle<()>) {
+pub fn start_line(
+    line: usize,
+    answered: &Arc<Answered>,
+    end: &Arc<AtomicBool>,
+) -> (PathBuf, JoinHandle<()>) {
     let pty = Pty::new().expect("a pseudo-terminal");
     let port = pty.path().to_owned();
     let answered = Arc::clone(answered);
     let end = Arc::clone(end);
     let thread = std::thread::spawn(move || {
-        let options = BusOptions { pacing: Pacing::None, silence: Some(Duration::ZERO), ..BusOptions::default() };
+        let options = BusOptions {
+            pacing: Pacing::None,
+            silence: Some(Duration::ZERO),
+            ..BusOptions::default()
+        };
         let mut bus = SimBus::new(LinkSettings::DEFAULT, options, 1);
         for station in 1..=DRIVES {
-            let drive = DriveOptions { proof_words: Some(PROOF..=PROOF + 0xFF), ..DriveOptions::default() };
+            let drive = DriveOptions {
+                proof_words: Some(PROOF..=PROOF + 0xFF),
+                ..DriveOptions::default()
+            };
             bus.connect(Station(station), SimDrive::new(n700(), drive));
         }
         let mut last = [0; DRIVES as usize];
@@ -164,7 +213,12 @@ pub fn start_gateway(place: &Place, text: &str) -> Child {
     let file = place.path().join("gateway.toml");
     fs::write(&file, text).expect("a file");
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-    command.args(["run", "-c"]).arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["run", "-c"])
+        .arg(file)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     command.spawn().expect("the gateway starts")
 }
 
@@ -179,7 +233,11 @@ pub fn lines_text(head: &str, ports: &[PathBuf], poll: Duration) -> String {
     let mut text = head.to_owned();
     // Writing to a String cannot fail.
     for (line, port) in ports.iter().enumerate() {
-        let _ = write!(text, "[[line]]\nname = \"l{line}\"\nport = \"{}\"\nsilence = \"0ms\"\n", port.display());
+        let _ = write!(
+            text,
+            "[[line]]\nname = \"l{line}\"\nport = \"{}\"\nsilence = \"0ms\"\n",
+            port.display()
+        );
         for station in 1..=usize::from(DRIVES) {
             let drive = line * usize::from(DRIVES) + station - 1;
             let unit = drive + 1;
@@ -212,8 +270,13 @@ pub fn ticks(process: u32) -> f64 {
 pub fn thread_ticks(process: u32) -> f64 {
     let tasks = fs::read_dir(format!("/proc/{process}/task")).expect("a process");
     let stats = tasks.filter_map(Result::ok).map(|task| task.path());
-    let is_line = |path: &PathBuf| fs::read_to_string(path.join("comm")).is_ok_and(|name| name.starts_with("line "));
-    stats.filter(is_line).map(|path| used(&path.join("stat").to_string_lossy())).sum()
+    let is_line = |path: &PathBuf| {
+        fs::read_to_string(path.join("comm")).is_ok_and(|name| name.starts_with("line "))
+    };
+    stats
+        .filter(is_line)
+        .map(|path| used(&path.join("stat").to_string_lossy()))
+        .sum()
 }
 
 fn used(path: &str) -> f64 {
@@ -221,7 +284,10 @@ fn used(path: &str) -> f64 {
     // The name in brackets may contain blanks.
     let (_, rest) = text.rsplit_once(") ").expect("fields behind the name");
     let fields: Vec<&str> = rest.split(' ').collect();
-    fields[11..13].iter().map(|field| field.parse::<f64>().expect("a number")).sum()
+    fields[11..13]
+        .iter()
+        .map(|field| field.parse::<f64>().expect("a number"))
+        .sum()
 }
 
 /// Ticks within `took` in per cent of a core.

@@ -18,10 +18,20 @@ const SECOND: Duration = Duration::from_secs(1);
 
 pub fn uniform() -> Vec<Row> {
     let line = TappedLine::start(1, BusOptions::default());
-    let setup = Setup { device: line.path(), drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen: 0 };
+    let setup = Setup {
+        device: line.path(),
+        drives: 1,
+        unpaced: false,
+        poll: "500ms",
+        mqtt: None,
+        listen: 0,
+    };
     let gateway = Gateway::start(&setup);
     std::thread::sleep(SECOND / 2);
-    let rows = [1, 16].into_iter().flat_map(|words| of_words(gateway.address, words)).collect();
+    let rows = [1, 16]
+        .into_iter()
+        .flat_map(|words| of_words(gateway.address, words))
+        .collect();
     gateway.stop();
     line.stop();
     rows
@@ -41,13 +51,21 @@ fn of_words(gateway: SocketAddr, words: u16) -> Vec<Row> {
     let what = format!("uniform: {CLIENTS} connections, {IN_FLIGHT} in flight, {words} words");
     vec![
         Row::rate(format!("{what}: answers/s"), WANTED, gateway),
-        Row::told("uniform: slowest and fastest run", format!("{least:.0} / {most:.0}")),
-        Row::told("uniform: a bare thread with constant bytes in the same run", format!("{bare:.0}")),
+        Row::told(
+            "uniform: slowest and fastest run",
+            format!("{least:.0} / {most:.0}"),
+        ),
+        Row::told(
+            "uniform: a bare thread with constant bytes in the same run",
+            format!("{bare:.0}"),
+        ),
     ]
 }
 
 fn rate(address: SocketAddr, words: u16) -> f64 {
-    let pipeline = Pipeline::connect(address, CLIENTS, IN_FLIGHT, |_, slot| request(slot, UNIFORM, 3, [0, words]));
+    let pipeline = Pipeline::connect(address, CLIENTS, IN_FLIGHT, |_, slot| {
+        request(slot, UNIFORM, 3, [0, words])
+    });
     let (answers, took) = pipeline.run(SECOND / 2, 2 * SECOND);
     assert_eq!(answers.exceptions, 0);
     answers.right as f64 / took.as_secs_f64()
@@ -59,7 +77,9 @@ fn constant(words: u16) -> (SocketAddr, JoinHandle<()>) {
     let address = listener.local_addr().expect("an address");
     let thread = std::thread::spawn(move || {
         let poll = epoll::create(epoll::CreateFlags::CLOEXEC).expect("epoll");
-        let mut streams: Vec<TcpStream> = (0..CLIENTS).map(|_| listener.accept().expect("a client").0).collect();
+        let mut streams: Vec<TcpStream> = (0..CLIENTS)
+            .map(|_| listener.accept().expect("a client").0)
+            .collect();
         for (index, stream) in streams.iter().enumerate() {
             stream.set_nodelay(true).expect("TCP_NODELAY");
             let data = epoll::EventData::new_u64(index as u64);
@@ -78,7 +98,10 @@ fn answer_of(words: u16) -> Vec<u8> {
 }
 
 fn serve(poll: &std::os::fd::OwnedFd, streams: &mut [TcpStream], answer: &[u8]) {
-    let mut events = [epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) }; 64];
+    let mut events = [epoll::Event {
+        flags: epoll::EventFlags::empty(),
+        data: epoll::EventData::new_u64(0),
+    }; 64];
     let mut open = streams.len();
     let mut buffer = [0; 512];
     let mut out = Vec::new();

@@ -20,17 +20,33 @@ const PATIENCE: Duration = Duration::from_secs(10);
 const TICKS: f64 = 100.0;
 
 pub fn unplug() -> Vec<Row> {
-    let (cycles, away) = if crate::is_quick() { (50, Duration::from_secs(3)) } else { (500, Duration::from_secs(10)) };
+    let (cycles, away) = if crate::is_quick() {
+        (50, Duration::from_secs(3))
+    } else {
+        (500, Duration::from_secs(10))
+    };
     let place = Place::new();
     let device = place.path().join("line");
     let mut adapter = Adapter::new(&device);
     adapter.plug_in();
     let listen = free_port();
-    let setup = Setup { device: &device, drives: 1, unpaced: false, poll: "500ms", mqtt: None, listen };
+    let setup = Setup {
+        device: &device,
+        drives: 1,
+        unpaced: false,
+        poll: "500ms",
+        mqtt: None,
+        listen,
+    };
     let file = place.path().join("gateway.toml");
     std::fs::write(&file, setup.text()).expect("a file");
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-    command.args(["run", "-c"]).arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["run", "-c"])
+        .arg(&file)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     let mut gateway = command.spawn().expect("the gateway starts");
     let mut client = Client::connect(SocketAddr::from((Ipv4Addr::LOCALHOST, listen)));
     client.wait_until(true);
@@ -66,10 +82,23 @@ pub fn unplug() -> Vec<Row> {
     gateway.wait().expect("collected");
     let times = Times::new(spans);
     vec![
-        Row::all("unplug: cycles in which the drive came back", cycles as usize, times.len()),
-        Row::none("unplug: descriptors more than before", after.saturating_sub(before) as u64),
-        Row::none("unplug: requests in flight without an answer", unanswered as u64),
-        Row::told("unplug: device back until the first good answer, p50 / p99 / max, ms", times.shown()),
+        Row::all(
+            "unplug: cycles in which the drive came back",
+            cycles as usize,
+            times.len(),
+        ),
+        Row::none(
+            "unplug: descriptors more than before",
+            after.saturating_sub(before) as u64,
+        ),
+        Row::none(
+            "unplug: requests in flight without an answer",
+            unanswered as u64,
+        ),
+        Row::told(
+            "unplug: device back until the first good answer, p50 / p99 / max, ms",
+            times.shown(),
+        ),
         Row::at_most("unplug: longest of them, ms", 1000.0, times.at(1.0)),
         Row::at_most("unplug: processor while the device is away, %", 2.0, used),
     ]
@@ -129,7 +158,9 @@ impl Client {
 }
 
 fn descriptors(program: &Child) -> usize {
-    std::fs::read_dir(format!("/proc/{}/fd", program.id())).expect("its descriptors").count()
+    std::fs::read_dir(format!("/proc/{}/fd", program.id()))
+        .expect("its descriptors")
+        .count()
 }
 
 /// Processor time of all its threads so far, in ticks.
@@ -137,5 +168,10 @@ fn ticks(program: &Child) -> u64 {
     let stat = std::fs::read_to_string(format!("/proc/{}/stat", program.id())).expect("its times");
     // The name in brackets may contain spaces; utime and stime are the 12th and 13th field after it.
     let (_, fields) = stat.rsplit_once(')').expect("a name");
-    fields.split_whitespace().skip(11).take(2).map(|ticks| ticks.parse::<u64>().expect("a number")).sum()
+    fields
+        .split_whitespace()
+        .skip(11)
+        .take(2)
+        .map(|ticks| ticks.parse::<u64>().expect("a number"))
+        .sum()
 }

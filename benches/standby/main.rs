@@ -13,7 +13,11 @@
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
 #[path = "../../tests/process/hub/mod.rs"]
-#[allow(dead_code, unused_imports, reason = "shared with the tests, which use more of it")]
+#[allow(
+    dead_code,
+    unused_imports,
+    reason = "shared with the tests, which use more of it"
+)]
 mod hub;
 #[path = "../../tests/process/standby/pair.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use more of it")]
@@ -34,8 +38,15 @@ use std::time::Duration;
 
 fn main() {
     let is_quick = std::env::args().any(|arg| arg == "--quick");
-    let (pairs, time) = if is_quick { (1, Duration::from_secs(3)) } else { (5, Duration::from_secs(10)) };
-    println!("{pairs} times {} s of polls, and as long with a client, of each kind in turn:\n", time.as_secs());
+    let (pairs, time) = if is_quick {
+        (1, Duration::from_secs(3))
+    } else {
+        (5, Duration::from_secs(10))
+    };
+    println!(
+        "{pairs} times {} s of polls, and as long with a client, of each kind in turn:\n",
+        time.as_secs()
+    );
     println!(
         "| bit/s | second gateway | polls: exchanges/s | line busy | with a client that reads: exchanges/s | line busy | \
          reads/s | answer after: median, 99 %, longest | processor: active, listening |"
@@ -43,14 +54,20 @@ fn main() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut ratios = Vec::new();
     for baud in [9_600, 38_400] {
-        let measured: Vec<[Phase; 2]> =
-            (0..pairs).map(|_| [true, false].map(|alone| Phase::measure(baud, alone, time))).collect();
+        let measured: Vec<[Phase; 2]> = (0..pairs)
+            .map(|_| [true, false].map(|alone| Phase::measure(baud, alone, time)))
+            .collect();
         for (place, which) in ["none", "listens"].into_iter().enumerate() {
             let phases: Vec<&Phase> = measured.iter().map(|pair| &pair[place]).collect();
             println!("| {baud} | {which} | {} |", row(&phases));
         }
-        let of_pairs = measured.iter().map(|[alone, with]| format!("{:.4}", with.reads_per_s / alone.reads_per_s));
-        ratios.push(format!("{baud}: reads/s with a second gateway, part of those without: {}", joined(of_pairs)));
+        let of_pairs = measured
+            .iter()
+            .map(|[alone, with]| format!("{:.4}", with.reads_per_s / alone.reads_per_s));
+        ratios.push(format!(
+            "{baud}: reads/s with a second gateway, part of those without: {}",
+            joined(of_pairs)
+        ));
     }
     println!("\n{}", ratios.join("\n"));
 }
@@ -58,9 +75,18 @@ fn main() {
 /// The medians of the phases of one kind, and the times of all their reads.
 fn row(phases: &[&Phase]) -> String {
     let median = |of: fn(&Phase) -> f64| part_of(phases.iter().map(|phase| of(phase)), 0.5);
-    let answers = [0.5, 0.99, 1.0].map(|part| part_of(phases.iter().flat_map(|phase| phase.answer_ms.clone()), part));
+    let answers = [0.5, 0.99, 1.0].map(|part| {
+        part_of(
+            phases.iter().flat_map(|phase| phase.answer_ms.clone()),
+            part,
+        )
+    });
     let listening = median(|phase| phase.processor.1);
-    let listening = if listening.is_nan() { String::new() } else { format!(", {listening:.1} %") };
+    let listening = if listening.is_nan() {
+        String::new()
+    } else {
+        format!(", {listening:.1} %")
+    };
     format!(
         "{:.2} | {:.2} % | {:.2} | {:.2} % | {:.2} | {} ms | {:.1} %{listening}",
         median(|phase| phase.polls.exchanges_per_s),

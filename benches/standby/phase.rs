@@ -41,7 +41,10 @@ pub struct Use {
 impl Phase {
     /// Starts a gateway without a second one, or with one that listens, and measures each kind of use for `time`.
     pub fn measure(baud: u32, alone: bool, time: Duration) -> Self {
-        let mut pair = Pair::with(Wish { alone, ..Wish::at(baud) });
+        let mut pair = Pair::with(Wish {
+            alone,
+            ..Wish::at(baud)
+        });
         if alone {
             pair.start(A);
         } else {
@@ -49,15 +52,28 @@ impl Phase {
         }
         pair.wait_for_requests(A, BEGINNING, 0);
         let (polls, ()) = used(&pair, baud, || std::thread::sleep(time));
-        let ticks = |end| if alone && end == B { f64::NAN } else { ticks(pair.program(end).id()) };
+        let ticks = |end| {
+            if alone && end == B {
+                f64::NAN
+            } else {
+                ticks(pair.program(end).id())
+            }
+        };
         let (before, begun) = ([A, B].map(ticks), Instant::now());
         let (reads, answer_ms) = used(&pair, baud, || read(&pair, time));
         let took = begun.elapsed().as_secs_f64();
         let after = [A, B].map(ticks);
-        let [sends, listens] = [0, 1].map(|place| (after[place] - before[place]) / TICKS / took * 100.0);
+        let [sends, listens] =
+            [0, 1].map(|place| (after[place] - before[place]) / TICKS / took * 100.0);
         pair.assert_silent(B, 0..);
         let reads_per_s = answer_ms.len() as f64 / took;
-        Self { polls, reads, reads_per_s, answer_ms, processor: (sends, listens) }
+        Self {
+            polls,
+            reads,
+            reads_per_s,
+            answer_ms,
+            processor: (sends, listens),
+        }
     }
 }
 
@@ -83,17 +99,32 @@ fn used<T>(pair: &Pair, baud: u32, work: impl FnOnce() -> T) -> (Use, T) {
     // The last one may not be complete.
     frames.pop();
     assert!(frames.iter().all(Frame::is_sound), "{frames:?}");
-    let model = vendors::catalog().find("hyundai-n700").expect("the model is built in").clone();
-    let link = LinkSettings { baud, ..LinkSettings::DEFAULT };
+    let model = vendors::catalog()
+        .find("hyundai-n700")
+        .expect("the model is built in")
+        .clone();
+    let link = LinkSettings {
+        baud,
+        ..LinkSettings::DEFAULT
+    };
     let silence = Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO).silence;
-    let requests = frames.iter().enumerate().filter(|(_, frame)| frame.from == A);
+    let requests = frames
+        .iter()
+        .enumerate()
+        .filter(|(_, frame)| frame.from == A);
     let times = requests.map(|(place, request)| {
         let reply = frames.get(place + 1).filter(|frame| frame.from == DRIVES);
         reply.unwrap_or(request).end.since(request.start) + silence
     });
     let times: Vec<Duration> = times.collect();
     let busy = times.iter().sum::<Duration>().as_secs_f64() / took * 100.0;
-    (Use { exchanges_per_s: times.len() as f64 / took, busy }, done)
+    (
+        Use {
+            exchanges_per_s: times.len() as f64 / took,
+            busy,
+        },
+        done,
+    )
 }
 
 /// Processor time of all threads of a process so far, in ticks.
@@ -101,5 +132,10 @@ fn ticks(process: u32) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("a process");
     // The name in brackets may contain spaces; utime and stime are the 12th and 13th field after it.
     let (_, fields) = text.rsplit_once(')').expect("a name");
-    fields.split_whitespace().skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a number")).sum()
+    fields
+        .split_whitespace()
+        .skip(11)
+        .take(2)
+        .map(|ticks| ticks.parse::<f64>().expect("a number"))
+        .sum()
 }

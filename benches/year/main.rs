@@ -60,7 +60,10 @@ impl Job {
     fn work(&self) {
         while self.done.load(Ordering::Relaxed) < self.wanted && Instant::now() < self.until {
             let seed = self.seed.fetch_add(1, Ordering::Relaxed);
-            let left = self.wanted.saturating_sub(self.done.load(Ordering::Relaxed)).max(1);
+            let left = self
+                .wanted
+                .saturating_sub(self.done.load(Ordering::Relaxed))
+                .max(1);
             match self.one(seed, left) {
                 Ok(done) => _ = self.done.fetch_add(done, Ordering::Relaxed),
                 Err(text) => {
@@ -130,9 +133,11 @@ fn main() {
         "holders" => 1_024,
         _ => 316_000_000,
     };
-    let shards =
-        number("--shards").unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |it| it.get() as u64));
-    let extras = text("--extras").map_or_else(Extras::on, |text| Extras::named(&text).expect("names of extras"));
+    let shards = number("--shards")
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |it| it.get() as u64));
+    let extras = text("--extras").map_or_else(Extras::on, |text| {
+        Extras::named(&text).expect("names of extras")
+    });
     let begun = Instant::now();
     let job = Job {
         wanted: number("--exchanges").unwrap_or(wanted),
@@ -140,7 +145,10 @@ fn main() {
         done: AtomicU64::new(0),
         until: begun + Duration::from_secs(60 * number("--minutes").unwrap_or(24 * 60)),
         is_over: AtomicBool::new(false),
-        tally: Mutex::new(Tally { shortest_excess: u64::MAX, ..Tally::default() }),
+        tally: Mutex::new(Tally {
+            shortest_excess: u64::MAX,
+            ..Tally::default()
+        }),
         worst_stop: Mutex::new(Duration::ZERO),
         bursts: Mutex::new(BurstTally::default()),
         failures: Mutex::new(Vec::new()),
@@ -150,7 +158,9 @@ fn main() {
     std::thread::scope(|scope| {
         let workers: Vec<_> = (0..shards).map(|_| scope.spawn(|| job.work())).collect();
         scope.spawn(|| progress(&job, begun));
-        workers.into_iter().for_each(|worker| worker.join().expect("a shard"));
+        workers
+            .into_iter()
+            .for_each(|worker| worker.join().expect("a shard"));
         job.is_over.store(true, Ordering::Relaxed);
     });
     report(&job, begun.elapsed());
@@ -186,7 +196,9 @@ fn report_bursts(tally: &BurstTally) {
         Ok(rows) => {
             for (name, clean, noisy, longest) in rows {
                 let lost = 100.0 * (1.0 - noisy / clean);
-                println!("{name:<34}{clean:>8.1}{noisy:>8.1}{lost:>7.1} % less, longest read {longest:?}");
+                println!(
+                    "{name:<34}{clean:>8.1}{noisy:>8.1}{lost:>7.1} % less, longest read {longest:?}"
+                );
             }
         }
         Err(text) => println!("{text}"),
@@ -201,7 +213,11 @@ fn progress(job: &Job, begun: Instant) {
             next += Duration::from_secs(10);
             let done = job.done.load(Ordering::Relaxed);
             let wall = begun.elapsed().as_secs_f64();
-            eprintln!("{done} of {} in {wall:.0} s, {:.0} a second", job.wanted, done as f64 / wall);
+            eprintln!(
+                "{done} of {} in {wall:.0} s, {:.0} a second",
+                job.wanted,
+                done as f64 / wall
+            );
         }
     }
 }
@@ -211,11 +227,17 @@ fn report(job: &Job, wall: Duration) {
     let done = job.done.load(Ordering::Relaxed);
     row(&format!("{} done", job.what), done);
     row("wall time", format!("{:.1} s", wall.as_secs_f64()));
-    row("rate", format!("{:.0} /s", done as f64 / wall.as_secs_f64()));
+    row(
+        "rate",
+        format!("{:.0} /s", done as f64 / wall.as_secs_f64()),
+    );
     if job.what == "stop" {
         row(
             "longest wait of a stop",
-            format!("{:.3} ms", job.worst_stop.lock().expect("nobody panics").as_secs_f64() * 1e3),
+            format!(
+                "{:.3} ms",
+                job.worst_stop.lock().expect("nobody panics").as_secs_f64() * 1e3
+            ),
         );
     }
     if job.what == "bursts" {
@@ -252,10 +274,20 @@ fn report(job: &Job, wall: Duration) {
     }
     if tally.exchanges > 0 {
         row("virtual time", days(tally.virtual_ns));
-        row("shortest silence too long by", format!("{} ns", tally.shortest_excess));
+        row(
+            "shortest silence too long by",
+            format!("{} ns", tally.shortest_excess),
+        );
     }
-    for (name, count) in Trouble::NAMES.iter().zip(tally.troubles).filter(|(_, count)| *count > 0) {
+    for (name, count) in Trouble::NAMES
+        .iter()
+        .zip(tally.troubles)
+        .filter(|(_, count)| *count > 0)
+    {
         row(&format!("trouble: {name}"), count);
     }
-    row("violations", job.failures.lock().expect("nobody panics").len());
+    row(
+        "violations",
+        job.failures.lock().expect("nobody panics").len(),
+    );
 }

@@ -52,15 +52,23 @@ impl Ledger {
     #[must_use]
     pub fn new(drives: usize, updates_per_drive: u32) -> Option<Self> {
         let words = u64::from(updates_per_drive).div_ceil(WORD_BITS);
-        let words_of_all = words.checked_mul(drives as u64).filter(|all| *all <= UPDATES_MAX / WORD_BITS)?;
-        let bits = || std::iter::repeat_with(AtomicU64::default).take(words_of_all as usize).collect();
+        let words_of_all = words
+            .checked_mul(drives as u64)
+            .filter(|all| *all <= UPDATES_MAX / WORD_BITS)?;
+        let bits = || {
+            std::iter::repeat_with(AtomicU64::default)
+                .take(words_of_all as usize)
+                .collect()
+        };
         Some(Self {
             words_per_drive: words as usize,
             updates_per_drive,
             sent: bits(),
             acknowledged: bits(),
             received: bits(),
-            newest: std::iter::repeat_with(AtomicU32::default).take(drives).collect(),
+            newest: std::iter::repeat_with(AtomicU32::default)
+                .take(drives)
+                .collect(),
         })
     }
 
@@ -76,39 +84,60 @@ impl Ledger {
 
     /// Books that an update was received.
     pub fn received(&self, drive: usize, number: u32) -> Receipt {
-        let Some((word, bit)) = self.place(drive, number) else { return Receipt::Foreign };
-        let is_sent = self.sent.get(word).is_some_and(|sent| sent.load(Ordering::Acquire) & bit != 0);
+        let Some((word, bit)) = self.place(drive, number) else {
+            return Receipt::Foreign;
+        };
+        let is_sent = self
+            .sent
+            .get(word)
+            .is_some_and(|sent| sent.load(Ordering::Acquire) & bit != 0);
         if !is_sent {
             return Receipt::Foreign;
         }
         if !self.book(&self.received, drive, number) {
             return Receipt::Again;
         }
-        let newest = self.newest.get(drive).map(|newest| newest.fetch_max(number + 1, Ordering::Relaxed));
-        if newest.is_some_and(|newest| newest > number) { Receipt::Late } else { Receipt::First }
+        let newest = self
+            .newest
+            .get(drive)
+            .map(|newest| newest.fetch_max(number + 1, Ordering::Relaxed));
+        if newest.is_some_and(|newest| newest > number) {
+            Receipt::Late
+        } else {
+            Receipt::First
+        }
     }
 
     /// All counts. While other threads still book, it is a snapshot of each drive.
     #[must_use]
     pub fn balance(&self) -> Balance {
         let books = self.sent.iter().zip(&self.acknowledged).zip(&self.received);
-        books.fold(Balance::default(), |sum, ((sent, acknowledged), received)| {
-            let [sent, acknowledged, received] = [sent, acknowledged, received].map(|it| it.load(Ordering::Acquire));
-            let count = |bits: u64| u64::from(bits.count_ones());
-            Balance {
-                sent: sum.sent + count(sent),
-                acknowledged: sum.acknowledged + count(acknowledged),
-                received: sum.received + count(received),
-                acknowledged_missing: sum.acknowledged_missing + count(acknowledged & !received),
-                unacknowledged_missing: sum.unacknowledged_missing + count(sent & !acknowledged & !received),
-            }
-        })
+        books.fold(
+            Balance::default(),
+            |sum, ((sent, acknowledged), received)| {
+                let [sent, acknowledged, received] =
+                    [sent, acknowledged, received].map(|it| it.load(Ordering::Acquire));
+                let count = |bits: u64| u64::from(bits.count_ones());
+                Balance {
+                    sent: sum.sent + count(sent),
+                    acknowledged: sum.acknowledged + count(acknowledged),
+                    received: sum.received + count(received),
+                    acknowledged_missing: sum.acknowledged_missing
+                        + count(acknowledged & !received),
+                    unacknowledged_missing: sum.unacknowledged_missing
+                        + count(sent & !acknowledged & !received),
+                }
+            },
+        )
     }
 
     /// Sets the bit of an update. Returns whether it was not set before.
     fn book(&self, book: &[AtomicU64], drive: usize, number: u32) -> bool {
-        let Some((word, bit)) = self.place(drive, number) else { return false };
-        book.get(word).is_some_and(|word| word.fetch_or(bit, Ordering::AcqRel) & bit == 0)
+        let Some((word, bit)) = self.place(drive, number) else {
+            return false;
+        };
+        book.get(word)
+            .is_some_and(|word| word.fetch_or(bit, Ordering::AcqRel) & bit == 0)
     }
 
     fn place(&self, drive: usize, number: u32) -> Option<(usize, u64)> {
@@ -138,8 +167,13 @@ mod tests {
             }
         }
         let balance = ledger.balance();
-        let expected =
-            Balance { sent: 100, acknowledged: 70, received: 50, acknowledged_missing: 35, unacknowledged_missing: 15 };
+        let expected = Balance {
+            sent: 100,
+            acknowledged: 70,
+            received: 50,
+            acknowledged_missing: 35,
+            unacknowledged_missing: 15,
+        };
         assert_eq!(balance, expected);
     }
 
@@ -150,10 +184,18 @@ mod tests {
             ledger.sent(2, number);
         }
         assert_eq!(ledger.received(2, 64), Receipt::First);
-        assert_eq!(ledger.received(2, 63), Receipt::Late, "a newer one of the drive was there");
+        assert_eq!(
+            ledger.received(2, 63),
+            Receipt::Late,
+            "a newer one of the drive was there"
+        );
         assert_eq!(ledger.received(2, 64), Receipt::Again);
         for (drive, number) in [(2, 1), (1, 0), (2, 65), (3, 0), (usize::MAX, u32::MAX)] {
-            assert_eq!(ledger.received(drive, number), Receipt::Foreign, "{drive}: {number}");
+            assert_eq!(
+                ledger.received(drive, number),
+                Receipt::Foreign,
+                "{drive}: {number}"
+            );
         }
         assert_eq!(ledger.balance().received, 2);
     }

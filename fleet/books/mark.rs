@@ -24,7 +24,10 @@ impl Mark {
     /// A mark for an update that is due at `due`.
     #[must_use]
     pub const fn new(number: u32, due: MonoTime) -> Self {
-        Self { number, due: MonoTime::from_micros(due.as_nanos() / 1_000) }
+        Self {
+            number,
+            due: MonoTime::from_micros(due.as_nanos() / 1_000),
+        }
     }
 
     /// The payload of an update with this mark. A document is `body`, a JSON object that is not empty, with one more
@@ -48,13 +51,19 @@ impl Mark {
     pub fn of(update: Update, payload: &[u8]) -> Option<Self> {
         let (number, due) = match update {
             Update::State => {
-                let end = payload.windows(END.len()).take(100).position(|it| it == END.as_bytes())?;
+                let end = payload
+                    .windows(END.len())
+                    .take(100)
+                    .position(|it| it == END.as_bytes())?;
                 let text = std::str::from_utf8(payload.get(..end)?).ok()?;
                 text.strip_prefix(DOCUMENT)?.split_once(DUE)?
             }
             Update::Frequency => std::str::from_utf8(payload).ok()?.split_once('.')?,
         };
-        Some(Self { number: number.parse().ok()?, due: MonoTime::from_micros(due.parse().ok()?) })
+        Some(Self {
+            number: number.parse().ok()?,
+            due: MonoTime::from_micros(due.parse().ok()?),
+        })
     }
 
     /// How long ago it was due.
@@ -80,7 +89,11 @@ mod tests {
         for number in [0, 7, u32::MAX] {
             let mark = Mark::new(number, MonoTime::from_micros(u64::from(number) * 3_333 + 1));
             for update in [Update::State, Update::Frequency] {
-                assert_eq!(Mark::of(update, &mark.on(update, br#"{"online":true}"#)), Some(mark), "{update:?}");
+                assert_eq!(
+                    Mark::of(update, &mark.on(update, br#"{"online":true}"#)),
+                    Some(mark),
+                    "{update:?}"
+                );
             }
         }
     }
@@ -88,18 +101,31 @@ mod tests {
     #[test]
     fn a_marked_document_is_the_document_with_its_mark() {
         let mark = Mark::new(3, MonoTime::from_micros(1_000_000));
-        let value: Value = serde_json::from_slice(&mark.on(Update::State, br#"{"online":true}"#)).unwrap();
-        assert_eq!((&value["online"], &value["fleet"]["seq"]), (&true.into(), &3.into()));
+        let value: Value =
+            serde_json::from_slice(&mark.on(Update::State, br#"{"online":true}"#)).unwrap();
+        assert_eq!(
+            (&value["online"], &value["fleet"]["seq"]),
+            (&true.into(), &3.into())
+        );
         let value = mark.on(Update::Frequency, b"ignored");
         assert!(String::from_utf8(value).unwrap().parse::<f64>().is_ok());
     }
 
     #[test]
     fn whatever_else_comes_has_no_mark() {
-        for payload in
-            ["", "{}", "online", "50.00x", r#"{"fleet":{"seq":1}}"#, r#"{"fleet":{"seq":1,"due_us":x},"a":1}"#]
-        {
-            assert_eq!(Mark::of(Update::State, payload.as_bytes()), None, "{payload}");
+        for payload in [
+            "",
+            "{}",
+            "online",
+            "50.00x",
+            r#"{"fleet":{"seq":1}}"#,
+            r#"{"fleet":{"seq":1,"due_us":x},"a":1}"#,
+        ] {
+            assert_eq!(
+                Mark::of(Update::State, payload.as_bytes()),
+                None,
+                "{payload}"
+            );
         }
         assert_eq!(Mark::of(Update::Frequency, b"50"), None);
         assert_eq!(Mark::of(Update::Frequency, &[0xFF, b'.', b'1']), None);
@@ -111,6 +137,9 @@ mod tests {
         let start = MonoTime::from_millis(60_000);
         assert!(Mark::new(0, MonoTime::from_millis(58_900)).is_older_than(start));
         assert!(!Mark::new(0, MonoTime::from_millis(59_100)).is_older_than(start));
-        assert_eq!(Mark::new(0, MonoTime::from_millis(59_000)).age(start), Duration::from_secs(1));
+        assert_eq!(
+            Mark::new(0, MonoTime::from_millis(59_000)).age(start),
+            Duration::from_secs(1)
+        );
     }
 }

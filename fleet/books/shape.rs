@@ -62,7 +62,10 @@ impl Shape {
     /// The topic of the updates of a drive.
     #[must_use]
     pub fn topic(&self, gateway: usize, drive: usize) -> String {
-        self.topic_of_gateway(gateway, &format!("drive/{}/{}", Self::drive_name(drive), self.update.topic()))
+        self.topic_of_gateway(
+            gateway,
+            &format!("drive/{}/{}", Self::drive_name(drive), self.update.topic()),
+        )
     }
 
     /// The filter for the updates of one gateway; `None` for all.
@@ -75,10 +78,18 @@ impl Shape {
     /// The drive whose updates are published on `topic`, counted over all gateways.
     #[must_use]
     pub fn drive_of(&self, topic: &str) -> Option<usize> {
-        let below = topic.strip_prefix(self.prefix.as_str())?.strip_prefix('/')?;
+        let below = topic
+            .strip_prefix(self.prefix.as_str())?
+            .strip_prefix('/')?;
         let (gateway, rest) = below.strip_prefix("gw-")?.split_once("/drive/drive-")?;
         let (drive, update) = rest.split_once('/')?;
-        let number = |digits: &str, most| digits.parse::<usize>().ok()?.checked_sub(1).filter(|it| *it < most);
+        let number = |digits: &str, most| {
+            digits
+                .parse::<usize>()
+                .ok()?
+                .checked_sub(1)
+                .filter(|it| *it < most)
+        };
         let place = number(gateway, self.gateways)? * self.drives + number(drive, self.drives)?;
         (update == self.update.topic()).then_some(place)
     }
@@ -98,7 +109,8 @@ impl Shape {
     /// How many updates there are in all.
     #[must_use]
     pub const fn updates_of_all(&self) -> u64 {
-        self.updates_of_gateway().saturating_mul(self.gateways as u64)
+        self.updates_of_gateway()
+            .saturating_mul(self.gateways as u64)
     }
 
     /// How long all updates last.
@@ -117,7 +129,9 @@ impl Shape {
         let slots = (self.drives_of_all() as u64).max(1);
         let slot = drive * self.gateways as u64 + gateway as u64;
         let phase = u128::from(nanos) * u128::from(slot) / u128::from(slots);
-        let after = nanos.saturating_mul(round).saturating_add(u64::try_from(phase).unwrap_or(u64::MAX));
+        let after = nanos
+            .saturating_mul(round)
+            .saturating_add(u64::try_from(phase).unwrap_or(u64::MAX));
         start + Duration::from_nanos(after)
     }
 }
@@ -129,7 +143,14 @@ mod tests {
 
     fn shape(update: Update) -> Shape {
         let prefix = "vfd/test".to_owned();
-        Shape { prefix, gateways: 20, drives: 4, update, interval: Duration::from_secs(1), updates: 5 }
+        Shape {
+            prefix,
+            gateways: 20,
+            drives: 4,
+            update,
+            interval: Duration::from_secs(1),
+            updates: 5,
+        }
     }
 
     #[test]
@@ -137,18 +158,33 @@ mod tests {
         for update in [Update::State, Update::Frequency] {
             let shape = shape(update);
             for (gateway, drive) in [(0, 0), (7, 2), (19, 3)] {
-                assert_eq!(shape.drive_of(&shape.topic(gateway, drive)), Some(gateway * 4 + drive));
+                assert_eq!(
+                    shape.drive_of(&shape.topic(gateway, drive)),
+                    Some(gateway * 4 + drive)
+                );
             }
-            for topic in
-                [shape.topic(20, 0), shape.topic(0, 4), shape.topic(0, 0) + "x", shape.topic_of_gateway(0, "status")]
-            {
+            for topic in [
+                shape.topic(20, 0),
+                shape.topic(0, 4),
+                shape.topic(0, 0) + "x",
+                shape.topic_of_gateway(0, "status"),
+            ] {
                 assert_eq!(shape.drive_of(&topic), None, "{topic}");
             }
-            assert_eq!(shape.drive_of("vfd/test/gw-0000/drive/drive-00/state"), None);
+            assert_eq!(
+                shape.drive_of("vfd/test/gw-0000/drive/drive-00/state"),
+                None
+            );
             assert_eq!(shape.drive_of(""), None);
         }
-        assert_eq!(shape(Update::State).filter(None), "vfd/test/+/drive/+/state");
-        assert_eq!(shape(Update::State).filter(Some(4)), "vfd/test/gw-0005/drive/+/state");
+        assert_eq!(
+            shape(Update::State).filter(None),
+            "vfd/test/+/drive/+/state"
+        );
+        assert_eq!(
+            shape(Update::State).filter(Some(4)),
+            "vfd/test/gw-0005/drive/+/state"
+        );
     }
 
     #[test]
@@ -156,12 +192,21 @@ mod tests {
         let shape = shape(Update::State);
         let start = MonoTime::from_millis(1_000);
         let all = |gateway| (0..shape.updates_of_gateway()).map(move |place| (gateway, place));
-        let due: BTreeSet<_> =
-            (0..shape.gateways).flat_map(all).map(|(gateway, place)| shape.due(gateway, place, start)).collect();
+        let due: BTreeSet<_> = (0..shape.gateways)
+            .flat_map(all)
+            .map(|(gateway, place)| shape.due(gateway, place, start))
+            .collect();
         assert_eq!(due.len() as u64, shape.updates_of_all(), "no two at once");
-        let gaps: BTreeSet<_> = due.iter().zip(due.iter().skip(1)).map(|(one, next)| next.since(*one)).collect();
+        let gaps: BTreeSet<_> = due
+            .iter()
+            .zip(due.iter().skip(1))
+            .map(|(one, next)| next.since(*one))
+            .collect();
         assert_eq!(gaps, BTreeSet::from([shape.interval / 80]));
-        assert_eq!(shape.due(3, 4, start).since(shape.due(3, 0, start)), shape.interval);
+        assert_eq!(
+            shape.due(3, 4, start).since(shape.due(3, 0, start)),
+            shape.interval
+        );
         assert!(due.iter().all(|due| due.since(start) < shape.lasts()));
         assert_eq!(shape.lasts(), Duration::from_secs(5));
     }

@@ -30,8 +30,20 @@ pub struct Consumer {
 impl Consumer {
     /// The consumer with this number.
     pub fn new(board: Arc<Board>, number: usize, over: Rc<Notify>) -> Self {
-        let version = board.plan.consumers.get(number).map_or(Version::V5, |settings| settings.version);
-        Self { board, number, over, version, is_connected: false, is_asked: false, was_granted: false }
+        let version = board
+            .plan
+            .consumers
+            .get(number)
+            .map_or(Version::V5, |settings| settings.version);
+        Self {
+            board,
+            number,
+            over,
+            version,
+            is_connected: false,
+            is_asked: false,
+            was_granted: false,
+        }
     }
 
     fn filters(&self) -> Vec<Filter> {
@@ -45,14 +57,26 @@ impl Consumer {
                 own.map(|gateway| shape.filter(Some(gateway))).collect()
             }
         };
-        let filter = |path| Filter { path, qos: Qos::AtLeastOnce, wants_retained: false };
+        let filter = |path| Filter {
+            path,
+            qos: Qos::AtLeastOnce,
+            wants_retained: false,
+        };
         paths.into_iter().map(filter).collect()
     }
 
     fn subscribed(&mut self, granted: &[bool]) {
-        let refused = self.filters().into_iter().zip(granted).find(|(_, granted)| !**granted).map(|(filter, _)| filter);
+        let refused = self
+            .filters()
+            .into_iter()
+            .zip(granted)
+            .find(|(_, granted)| !**granted)
+            .map(|(filter, _)| filter);
         if let Some(filter) = refused {
-            return self.board.fail(format!("the broker does not grant the subscription of `{}`", filter.path));
+            return self.board.fail(format!(
+                "the broker does not grant the subscription of `{}`",
+                filter.path
+            ));
         }
         if !std::mem::replace(&mut self.was_granted, true) {
             self.board.consumers.add();
@@ -66,8 +90,11 @@ impl Consumer {
         if message.payload.is_empty() || is_kept {
             return;
         }
-        let mark = Mark::of(shape.update, message.payload).filter(|mark| !mark.is_older_than(board.begun));
-        let (Some(drive), Some(mark)) = (shape.drive_of(message.topic), mark) else { return board.foreign.add() };
+        let mark =
+            Mark::of(shape.update, message.payload).filter(|mark| !mark.is_older_than(board.begun));
+        let (Some(drive), Some(mark)) = (shape.drive_of(message.topic), mark) else {
+            return board.foreign.add();
+        };
         board.received.add();
         // If each consumer gets everything, only one keeps the books.
         if board.plan.reading == Reading::All && self.number > 0 {
@@ -87,7 +114,11 @@ impl Consumer {
 impl Protocol for Consumer {
     fn will(&self) -> Publication {
         Publication {
-            topic: format!("{}/consumer-{}/status", self.board.plan.shape.prefix, self.number + 1),
+            topic: format!(
+                "{}/consumer-{}/status",
+                self.board.plan.shape.prefix,
+                self.number + 1
+            ),
             payload: b"offline".to_vec(),
             retain: false,
             qos: Qos::AtMostOnce,

@@ -76,7 +76,9 @@ impl Gateway {
     fn acknowledged(&mut self, at: MonoTime, token: Token) {
         if let Some(due) = self.unacknowledged.remove(&token) {
             let (drive, number) = parts(token);
-            self.board.ledger.acknowledged(self.drive_of_all(drive), number);
+            self.board
+                .ledger
+                .acknowledged(self.drive_of_all(drive), number);
             self.board.acknowledgements.add(at.since(due));
         }
     }
@@ -85,7 +87,15 @@ impl Gateway {
         let topic = self.shape().topic_of_gateway(self.number, "status");
         let payload = text.as_bytes().to_vec();
         let retain = self.board.plan.retain;
-        Publication { topic, payload, retain, qos: Qos::AtLeastOnce, expiry: None, correlation: None, token: None }
+        Publication {
+            topic,
+            payload,
+            retain,
+            qos: Qos::AtLeastOnce,
+            expiry: None,
+            correlation: None,
+            token: None,
+        }
     }
 
     fn update(&self, token: Token, due: MonoTime) -> Publication {
@@ -139,13 +149,20 @@ impl Gateway {
 
     /// Clears its retained messages, then notifies that it has finished.
     fn next_clearing(&mut self) -> Option<Publication> {
-        let drives = if self.board.plan.retain { self.shape().drives } else { 0 };
+        let drives = if self.board.plan.retain {
+            self.shape().drives
+        } else {
+            0
+        };
         while self.cleared < drives {
             let drive = self.cleared;
             self.cleared += 1;
             if self.sent.get(drive).is_some_and(|sent| *sent > 0) {
                 let topic = self.shape().topic(self.number, drive);
-                return Some(Publication { topic, ..self.status("") });
+                return Some(Publication {
+                    topic,
+                    ..self.status("")
+                });
             }
         }
         if self.cleared == drives {
@@ -194,7 +211,9 @@ impl Protocol for Gateway {
 
     fn next_wake(&self) -> Option<MonoTime> {
         match self.board.phase() {
-            Phase::Publishing(start) if self.is_connected && self.place < self.shape().updates_of_gateway() => {
+            Phase::Publishing(start)
+                if self.is_connected && self.place < self.shape().updates_of_gateway() =>
+            {
                 Some(self.shape().due(self.number, self.place, start))
             }
             _ => None,
@@ -267,18 +286,39 @@ mod tests {
 
     /// The moment `millis` milliseconds after the start.
     fn at(millis: u64) -> Moment {
-        Moment { mono: START + Duration::from_millis(millis), wall: WallTime { unix_ms: 0 } }
+        Moment {
+            mono: START + Duration::from_millis(millis),
+            wall: WallTime { unix_ms: 0 },
+        }
     }
 
     fn tokens(gateway: &mut Gateway, millis: u64) -> Vec<u64> {
         let next = || gateway.next_packet(at(millis));
         let packets: Vec<_> = std::iter::from_fn(next).collect();
-        packets.into_iter().filter_map(|it| if let Packet::Publish(it) = it { it.token } else { None }).collect()
+        packets
+            .into_iter()
+            .filter_map(|it| {
+                if let Packet::Publish(it) = it {
+                    it.token
+                } else {
+                    None
+                }
+            })
+            .collect()
     }
 
     fn published(gateway: &mut Gateway, millis: u64) -> Vec<String> {
         let packets: Vec<_> = std::iter::from_fn(|| gateway.next_packet(at(millis))).collect();
-        packets.into_iter().filter_map(|it| if let Packet::Publish(it) = it { Some(it.topic) } else { None }).collect()
+        packets
+            .into_iter()
+            .filter_map(|it| {
+                if let Packet::Publish(it) = it {
+                    Some(it.topic)
+                } else {
+                    None
+                }
+            })
+            .collect()
     }
 
     #[test]
@@ -290,7 +330,11 @@ mod tests {
         assert_eq!(tokens(&mut gateway, 500), [token(1, 0)]);
         // Due at 2.5 s (drive 1, overtaken at 3.5 s), 3 s and 3.5 s.
         assert_eq!(tokens(&mut gateway, 3_600), [token(0, 1), token(1, 1)]);
-        let expected = Balance { sent: 4, unacknowledged_missing: 4, ..Balance::default() };
+        let expected = Balance {
+            sent: 4,
+            unacknowledged_missing: 4,
+            ..Balance::default()
+        };
         assert_eq!(gateway.board.ledger.balance(), expected);
     }
 
@@ -302,10 +346,22 @@ mod tests {
         gateway.handle(at(700), Event::Lost);
         assert!(gateway.next_packet(at(1_500)).is_none() && gateway.next_wake().is_none());
         gateway.handle(at(1_600), Event::Connected(Broker::default()));
-        assert_eq!(tokens(&mut gateway, 1_600), [token(1, 0), token(0, 1), token(1, 1)]);
+        assert_eq!(
+            tokens(&mut gateway, 1_600),
+            [token(1, 0), token(0, 1), token(1, 1)]
+        );
         gateway.handle(at(1_700), Event::Acknowledged(token(1, 0)));
-        assert_eq!((gateway.board.ledger.balance().acknowledged, gateway.board.repeated.get()), (2, 1));
-        assert_eq!(gateway.board.acknowledgements.longest(), Duration::from_millis(1_200));
+        assert_eq!(
+            (
+                gateway.board.ledger.balance().acknowledged,
+                gateway.board.repeated.get()
+            ),
+            (2, 1)
+        );
+        assert_eq!(
+            gateway.board.acknowledgements.longest(),
+            Duration::from_millis(1_200)
+        );
     }
 
     #[test]
@@ -315,7 +371,10 @@ mod tests {
         gateway.board.enter(Phase::Draining);
         assert_eq!(published(&mut gateway, 2_000), [""; 0], "nothing new");
         gateway.board.enter(Phase::Clearing);
-        assert_eq!(published(&mut gateway, 2_100), ["vfd/gw-0001/drive/drive-01/state", "vfd/gw-0001/status"]);
+        assert_eq!(
+            published(&mut gateway, 2_100),
+            ["vfd/gw-0001/drive/drive-01/state", "vfd/gw-0001/status"]
+        );
         assert_eq!(published(&mut gateway, 2_200), [""; 0], "once");
     }
 }

@@ -12,7 +12,9 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::task::LocalSet;
 use tokio::time::{sleep, timeout};
-use vfd_gateway::daemon::mqtt::{ConnectionSettings, Counters, Keeps, Packet, Protocol, Rival, converse};
+use vfd_gateway::daemon::mqtt::{
+    ConnectionSettings, Counters, Keeps, Packet, Protocol, Rival, converse,
+};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::north::broker::{Event, Publication, Qos};
 use vfd_gateway::north::clock::Moment;
@@ -39,7 +41,9 @@ pub struct Place {
 
 /// A thread that runs all of `places` until each has finished.
 pub fn thread(board: Arc<Board>, places: Vec<Place>) -> io::Result<JoinHandle<()>> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
     Builder::new().name("fleet".to_owned()).spawn(move || {
         let all = LocalSet::new();
         for place in places {
@@ -99,13 +103,22 @@ async fn talk_until_over<T: Protocol>(
 /// Makes the broker forget the session of `settings`, so that no messages of an earlier simulation arrive and none are
 /// left.
 pub async fn forget(settings: ConnectionSettings) {
-    let settings = ConnectionSettings { keeps: Keeps::Nothing, ..settings };
+    let settings = ConnectionSettings {
+        keeps: Keeps::Nothing,
+        ..settings
+    };
     let over = Rc::new(Notify::new());
-    let talk = RefCell::new(Visitor { over: Rc::clone(&over) });
+    let talk = RefCell::new(Visitor {
+        over: Rc::clone(&over),
+    });
     let counters = Counters::default();
     let bell = Notify::new();
     // An unreachable broker is reported later, with a reason.
-    let _ = timeout(FORGET_MAX, converse(settings, &talk, &bell, &counters, over.notified())).await;
+    let _ = timeout(
+        FORGET_MAX,
+        converse(settings, &talk, &bell, &counters, over.notified()),
+    )
+    .await;
 }
 
 /// Connects and disconnects.
@@ -118,7 +131,15 @@ impl Protocol for Visitor {
         let topic = "fleet/visitor".to_owned();
         let payload = Vec::new();
         let qos = Qos::AtMostOnce;
-        Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
+        Publication {
+            topic,
+            payload,
+            retain: false,
+            qos,
+            expiry: None,
+            correlation: None,
+            token: None,
+        }
     }
 
     fn handle(&mut self, _: Moment, event: Event<'_>) {

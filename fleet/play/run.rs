@@ -111,9 +111,19 @@ pub fn run(plan: Plan, watch: impl FnMut(&Progress)) -> Result<Outcome, String> 
     let board = Board::new(plan).ok_or_else(|| {
         format!("{updates} updates are more than can be booked: simulate fewer gateways, or for a shorter time")
     })?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
     let runtime = runtime.map_err(|error| error.to_string())?;
-    runtime.block_on(Simulation { board: Arc::new(board), bells: Vec::new(), threads: Vec::new(), watch }.play())
+    runtime.block_on(
+        Simulation {
+            board: Arc::new(board),
+            bells: Vec::new(),
+            threads: Vec::new(),
+            watch,
+        }
+        .play(),
+    )
 }
 
 struct Simulation<W> {
@@ -130,23 +140,32 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         let outcome = self.play_until(told.as_mut()).await;
         self.enter(Phase::Ending);
         let board = Arc::clone(&self.board);
-        tokio::task::spawn_blocking(move || self.threads.into_iter().for_each(|it| drop(it.join())))
-            .await
-            .map_err(|error| error.to_string())?;
+        tokio::task::spawn_blocking(move || {
+            self.threads.into_iter().for_each(|it| drop(it.join()))
+        })
+        .await
+        .map_err(|error| error.to_string())?;
         forget_sessions(&board).await;
         outcome
     }
 
-    async fn play_until<S: Future<Output = ()>>(&mut self, mut told: Pin<&mut S>) -> Result<Outcome, String> {
+    async fn play_until<S: Future<Output = ()>>(
+        &mut self,
+        mut told: Pin<&mut S>,
+    ) -> Result<Outcome, String> {
         let gateways = self.board.plan.gateways.len();
         let consumers = self.board.plan.consumers.len();
         self.start(Role::Consumer, consumers, 1)?;
         let subscribed = (Stage::Subscribing, consumers as u64, CONNECTED_MAX);
-        self.wait_for_all(subscribed, |board| board.consumers.get(), told.as_mut()).await?;
+        self.wait_for_all(subscribed, |board| board.consumers.get(), told.as_mut())
+            .await?;
         self.start(Role::Gateway, gateways, self.board.plan.threads)?;
-        let ramp = Duration::from_secs_f64(gateways as f64 / f64::from(self.board.plan.connects_per_second.max(1)));
+        let ramp = Duration::from_secs_f64(
+            gateways as f64 / f64::from(self.board.plan.connects_per_second.max(1)),
+        );
         let connected = (Stage::Connecting, gateways as u64, ramp + CONNECTED_MAX);
-        self.wait_for_all(connected, |board| board.gateways.get(), told.as_mut()).await?;
+        self.wait_for_all(connected, |board| board.gateways.get(), told.as_mut())
+            .await?;
 
         let start = clock::now() + PAUSE;
         let costs = self.costs();
@@ -166,12 +185,24 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     /// Starts `count` clients on `threads` threads.
     fn start(&mut self, role: Role, count: usize, threads: usize) -> Result<(), String> {
         let threads = threads.clamp(1, count.max(1));
-        let all: Vec<_> = (0..count).map(|number| Place { role, number, bell: Arc::new(Notify::new()) }).collect();
-        self.bells.extend(all.iter().map(|place| Arc::clone(&place.bell)));
+        let all: Vec<_> = (0..count)
+            .map(|number| Place {
+                role,
+                number,
+                bell: Arc::new(Notify::new()),
+            })
+            .collect();
+        self.bells
+            .extend(all.iter().map(|place| Arc::clone(&place.bell)));
         for thread in 0..threads {
-            let own = all.iter().filter(|place| place.number % threads == thread).cloned().collect();
+            let own = all
+                .iter()
+                .filter(|place| place.number % threads == thread)
+                .cloned()
+                .collect();
             let started = player::thread(Arc::clone(&self.board), own);
-            self.threads.push(started.map_err(|error| format!("cannot start a thread: {error}"))?);
+            self.threads
+                .push(started.map_err(|error| format!("cannot start a thread: {error}"))?);
         }
         Ok(())
     }
@@ -183,7 +214,12 @@ impl<W: FnMut(&Progress)> Simulation<W> {
 
     fn tell(&mut self, stage: Stage, done: u64, all: u64) {
         let balance = self.board.ledger.balance();
-        (self.watch)(&Progress { stage, done, all, balance });
+        (self.watch)(&Progress {
+            stage,
+            done,
+            all,
+            balance,
+        });
     }
 
     async fn wait_for_all<S: Future<Output = ()>>(
@@ -203,10 +239,20 @@ impl<W: FnMut(&Progress)> Simulation<W> {
                 return Ok(());
             }
             if clock::now() >= end {
-                let who =
-                    if stage == Stage::Subscribing { "consumers are subscribed" } else { "gateways are connected" };
-                let reason = self.board.reason().map(|reason| format!(": {reason}")).unwrap_or_default();
-                return Err(format!("only {done} of {all} {who} after {} s{reason}", longest.as_secs()));
+                let who = if stage == Stage::Subscribing {
+                    "consumers are subscribed"
+                } else {
+                    "gateways are connected"
+                };
+                let reason = self
+                    .board
+                    .reason()
+                    .map(|reason| format!(": {reason}"))
+                    .unwrap_or_default();
+                return Err(format!(
+                    "only {done} of {all} {who} after {} s{reason}",
+                    longest.as_secs()
+                ));
             }
             tokio::select! {
                 () = sleep(LOOK_EVERY) => {}
@@ -216,7 +262,11 @@ impl<W: FnMut(&Progress)> Simulation<W> {
     }
 
     /// Waits until the last update is due. Returns whether it was interrupted.
-    async fn publish<S: Future<Output = ()>>(&mut self, start: MonoTime, mut told: Pin<&mut S>) -> bool {
+    async fn publish<S: Future<Output = ()>>(
+        &mut self,
+        start: MonoTime,
+        mut told: Pin<&mut S>,
+    ) -> bool {
         let lasts = self.board.plan.shape.lasts();
         let mut shown = None;
         loop {
@@ -241,9 +291,14 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         while clock::now() < end {
             let balance = self.board.ledger.balance();
             let has_consumers = !self.board.plan.consumers.is_empty();
-            let is_acknowledged = self.board.plan.qos == vfd_gateway::north::broker::Qos::AtMostOnce
+            let is_acknowledged = self.board.plan.qos
+                == vfd_gateway::north::broker::Qos::AtMostOnce
                 || balance.acknowledged + self.board.refused.get() >= balance.sent;
-            let arrived = if has_consumers { balance.received } else { balance.sent };
+            let arrived = if has_consumers {
+                balance.received
+            } else {
+                balance.sent
+            };
             self.tell(Stage::Draining, arrived, balance.sent);
             if is_acknowledged && arrived >= balance.sent {
                 return;
@@ -258,7 +313,13 @@ impl<W: FnMut(&Progress)> Simulation<W> {
         let end = clock::now() + CLEARING_MAX;
         let of_consumers = usize::from(!self.board.plan.consumers.is_empty());
         let all = self.board.plan.gateways.len() as u64;
-        while clock::now() < end && !self.threads.iter().skip(of_consumers).all(JoinHandle::is_finished) {
+        while clock::now() < end
+            && !self
+                .threads
+                .iter()
+                .skip(of_consumers)
+                .all(JoinHandle::is_finished)
+        {
             self.tell(Stage::Clearing, 0, all);
             sleep(LOOK_EVERY).await;
         }
@@ -266,14 +327,25 @@ impl<W: FnMut(&Progress)> Simulation<W> {
 
     fn costs(&self) -> Vec<Cost> {
         let own = std::process::id();
-        [own].iter().chain(&self.board.plan.watched).filter_map(|process| Cost::of(*process)).collect()
+        [own]
+            .iter()
+            .chain(&self.board.plan.watched)
+            .filter_map(|process| Cost::of(*process))
+            .collect()
     }
 
-    fn outcome(&self, (span, is_cut): (Duration, bool), at_last: Balance, costs: Vec<(Cost, f64)>) -> Outcome {
+    fn outcome(
+        &self,
+        (span, is_cut): (Duration, bool),
+        at_last: Balance,
+        costs: Vec<(Cost, f64)>,
+    ) -> Outcome {
         let board = &self.board;
         let shape = &self.board.plan.shape;
         let share = span.as_secs_f64() / shape.lasts().as_secs_f64().max(f64::EPSILON);
-        let shares = |delays: &crate::books::Delays| [delays.within(500), delays.within(990), delays.longest()];
+        let shares = |delays: &crate::books::Delays| {
+            [delays.within(500), delays.within(990), delays.longest()]
+        };
         Outcome {
             seconds: span.as_secs_f64(),
             is_cut,
@@ -301,7 +373,12 @@ impl<W: FnMut(&Progress)> Simulation<W> {
 
 /// Makes the broker forget the sessions that it keeps for the consumers.
 async fn forget_sessions(board: &Board) {
-    for settings in board.plan.consumers.iter().filter(|settings| settings.keeps == Keeps::Session) {
+    for settings in board
+        .plan
+        .consumers
+        .iter()
+        .filter(|settings| settings.keeps == Keeps::Session)
+    {
         player::forget(settings.clone()).await;
     }
 }

@@ -31,15 +31,23 @@ pub fn run(bytes: &[u8]) {
     let in_bytes = hear(framing, expected, chunks(stream, 0));
     if whole != in_chunks || whole != in_bytes {
         // If two frames share bytes, it cannot be decided which one was sent.
-        let is_ambiguous = framing == Framing::Rtu && expected.is_some_and(|it| share_bytes(stream, it));
-        assert!(is_ambiguous, "whole {whole:02X?}\nin chunks {in_chunks:02X?}\nin bytes {in_bytes:02X?}");
+        let is_ambiguous =
+            framing == Framing::Rtu && expected.is_some_and(|it| share_bytes(stream, it));
+        assert!(
+            is_ambiguous,
+            "whole {whole:02X?}\nin chunks {in_chunks:02X?}\nin bytes {in_bytes:02X?}"
+        );
     }
 }
 
 fn expected(framing: Framing, feed: &mut Feed<'_>) -> Expected {
     let station = feed.byte();
     let function = feed.byte() & !function::EXCEPTION_BIT;
-    Expected { station, function, adu_bytes: framing::adu_bytes(framing, 2 + usize::from(feed.byte()) % 252) }
+    Expected {
+        station,
+        function,
+        adu_bytes: framing::adu_bytes(framing, 2 + usize::from(feed.byte()) % 252),
+    }
 }
 
 /// What is found in `chunks`, and what is left.
@@ -61,9 +69,16 @@ fn hear<'a>(
             given_out.extend_from_slice(&one.adu);
             found.push(one);
         }
-        assert!(assembler.bytes().len() <= assembler.max_bytes(), "{} bytes are kept", assembler.bytes().len());
+        assert!(
+            assembler.bytes().len() <= assembler.max_bytes(),
+            "{} bytes are kept",
+            assembler.bytes().len()
+        );
         let is_damaged = expected.is_some_and(|expected| assembler.holds_damaged(expected));
-        assert!(!(is_damaged && assembler.is_empty()), "nothing is damaged where nothing is");
+        assert!(
+            !(is_damaged && assembler.is_empty()),
+            "nothing is damaged where nothing is"
+        );
     }
     let rest = assembler.clear();
     given_out.extend_from_slice(&rest);
@@ -73,10 +88,16 @@ fn hear<'a>(
 
 /// A frame is sound and formats back; after noise an RTU frame is the expected one.
 fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
-    assert!(found.adu.len() <= framing::max_adu_bytes(framing), "{} bytes", found.adu.len());
+    assert!(
+        found.adu.len() <= framing::max_adu_bytes(framing),
+        "{} bytes",
+        found.adu.len()
+    );
     let (station, pdu) = framing::decode(framing, &found.adu).expect("what is found is sound");
     let mut again = Vec::new();
-    framing::encode(framing, &mut again, station, |out| out.extend_from_slice(&pdu));
+    framing::encode(framing, &mut again, station, |out| {
+        out.extend_from_slice(&pdu)
+    });
     match framing {
         Framing::Rtu => assert_eq!(again, found.adu),
         Framing::Ascii => assert_eq!(again, found.adu.to_ascii_uppercase()),
@@ -86,20 +107,33 @@ fn check(framing: Framing, expected: Option<&Expected>, found: &FoundFrame) {
                 &mut again,
                 framing::transaction_of(framing, &found.adu).expect("a number"),
             );
-            assert_eq!((again, found.noise.is_empty()), (found.adu.clone(), true), "a stream has no noise");
+            assert_eq!(
+                (again, found.noise.is_empty()),
+                (found.adu.clone(), true),
+                "a stream has no noise"
+            );
         }
     }
     if framing == Framing::Rtu && !found.noise.is_empty() {
         let expected = expected.expect("behind noise only the expected reply is looked for");
-        assert_eq!((station, pdu[0] & !function::EXCEPTION_BIT), (expected.station, expected.function));
+        assert_eq!(
+            (station, pdu[0] & !function::EXCEPTION_BIT),
+            (expected.station, expected.function)
+        );
     }
 }
 
 /// Whether two sound frames overlap somewhere in `stream`.
 fn share_bytes(stream: &[u8], expected: &Expected) -> bool {
-    let places: Vec<_> = (0..stream.len()).flat_map(|start| frames_at(stream, start, expected)).collect();
-    let overlap = |one: &Range<usize>, other: &Range<usize>| one.start < other.end && other.start < one.end;
-    places.iter().enumerate().any(|(n, one)| places[n + 1..].iter().any(|other| overlap(one, other)))
+    let places: Vec<_> = (0..stream.len())
+        .flat_map(|start| frames_at(stream, start, expected))
+        .collect();
+    let overlap =
+        |one: &Range<usize>, other: &Range<usize>| one.start < other.end && other.start < one.end;
+    places
+        .iter()
+        .enumerate()
+        .any(|(n, one)| places[n + 1..].iter().any(|other| overlap(one, other)))
 }
 
 /// The sound frames that begin at `start`: by the length of their function, and by those that are expected.
@@ -113,5 +147,7 @@ fn frames_at(stream: &[u8], start: usize, expected: &Expected) -> Vec<Range<usiz
     lengths.sort_unstable();
     lengths.dedup();
     let places = lengths.into_iter().map(|length| start..start + length);
-    places.filter(|place| stream.get(place.clone()).is_some_and(crc::is_sound)).collect()
+    places
+        .filter(|place| stream.get(place.clone()).is_some_and(crc::is_sound))
+        .collect()
 }

@@ -19,21 +19,56 @@ const ALL_IS_OUT: Duration = Duration::from_secs(120);
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
     let flags = feed.byte();
-    let framing = if flags & 1 == 0 { Framing::Rtu } else { Framing::Ascii };
-    let pacing = if flags & 2 == 0 { Pacing::None } else { Pacing::CharacterTimes };
-    let faults = if flags & 4 == 0 { FaultPlan::NONE } else { faults(&mut feed) };
+    let framing = if flags & 1 == 0 {
+        Framing::Rtu
+    } else {
+        Framing::Ascii
+    };
+    let pacing = if flags & 2 == 0 {
+        Pacing::None
+    } else {
+        Pacing::CharacterTimes
+    };
+    let faults = if flags & 4 == 0 {
+        FaultPlan::NONE
+    } else {
+        faults(&mut feed)
+    };
     let model = Arc::new(plant::model(feed.byte()).on(framing));
-    let mut bus =
-        SimBus::new(LinkSettings::DEFAULT, BusOptions { framing, pacing, faults, ..BusOptions::default() }, 1);
+    let mut bus = SimBus::new(
+        LinkSettings::DEFAULT,
+        BusOptions {
+            framing,
+            pacing,
+            faults,
+            ..BusOptions::default()
+        },
+        1,
+    );
     for station in STATIONS {
-        let bad_request = if station == 1 { BadRequest::Exception } else { BadRequest::AsDocumented };
+        let bad_request = if station == 1 {
+            BadRequest::Exception
+        } else {
+            BadRequest::AsDocumented
+        };
         bus.connect(
             Station(station),
-            SimDrive::new(Arc::clone(&model), DriveOptions { bad_request, ..Default::default() }),
+            SimDrive::new(
+                Arc::clone(&model),
+                DriveOptions {
+                    bad_request,
+                    ..Default::default()
+                },
+            ),
         );
     }
-    let mut master =
-        Master { bus, framing, now: MonoTime::from_millis(10_000), heard: Vec::new(), last: MonoTime::ZERO };
+    let mut master = Master {
+        bus,
+        framing,
+        now: MonoTime::from_millis(10_000),
+        heard: Vec::new(),
+        last: MonoTime::ZERO,
+    };
     while !feed.is_empty() {
         master.event(&mut feed);
     }
@@ -46,7 +81,15 @@ fn faults(feed: &mut Feed<'_>) -> FaultPlan {
     let noise = chance();
     let lost = chance();
     let late = chance();
-    FaultPlan { noise, lost, late, cut: chance(), flip: chance(), foreign: chance(), ..FaultPlan::NONE }
+    FaultPlan {
+        noise,
+        lost,
+        late,
+        cut: chance(),
+        flip: chance(),
+        foreign: chance(),
+        ..FaultPlan::NONE
+    }
 }
 
 struct Master {
@@ -80,7 +123,9 @@ impl Master {
         let station = feed.byte() % 9;
         let pdu = feed.piece();
         let mut frame = Vec::new();
-        framing::encode(self.framing, &mut frame, station, |out| out.extend_from_slice(&pdu[..pdu.len().min(253)]));
+        framing::encode(self.framing, &mut frame, station, |out| {
+            out.extend_from_slice(&pdu[..pdu.len().min(253)])
+        });
         self.bus.receive(self.now, &frame);
     }
 
@@ -90,7 +135,10 @@ impl Master {
         while let Some(due) = self.bus.next_due().filter(|due| *due <= until) {
             self.now = self.now.max(due);
             self.hear();
-            assert!(self.bus.next_due().is_none_or(|next| next > self.now), "due for ever");
+            assert!(
+                self.bus.next_due().is_none_or(|next| next > self.now),
+                "due for ever"
+            );
         }
         self.now = until;
         self.hear();
@@ -101,7 +149,10 @@ impl Master {
         let last = &mut self.last;
         let heard = &mut self.heard;
         self.bus.take_due(now, |at, bytes| {
-            assert!(at <= now && at >= *last, "heard at {at:?}, after {last:?}, now {now:?}");
+            assert!(
+                at <= now && at >= *last,
+                "heard at {at:?}, after {last:?}, now {now:?}"
+            );
             *last = at;
             heard.extend_from_slice(bytes);
         });
@@ -109,7 +160,10 @@ impl Master {
 
     fn check(&self, is_undisturbed: bool) {
         let report = self.bus.report();
-        assert!(report.replies_sent <= report.requests_heard, "more replies than requests: {report:?}");
+        assert!(
+            report.replies_sent <= report.requests_heard,
+            "more replies than requests: {report:?}"
+        );
         let drives = STATIONS.map(|station| self.bus.exchange(Station(station)));
         assert!(drives.iter().sum::<u64>() <= report.requests_heard);
         if is_undisturbed {
@@ -123,8 +177,12 @@ impl Master {
         for byte in &self.heard {
             assembler.push(&[*byte]);
             while let Some(frame) = assembler.take(None) {
-                let (station, _) = framing::decode(self.framing, &frame.adu).expect("what is found is sound");
-                assert!(frame.noise.is_empty() && STATIONS.contains(&station), "{frame:02X?}");
+                let (station, _) =
+                    framing::decode(self.framing, &frame.adu).expect("what is found is sound");
+                assert!(
+                    frame.noise.is_empty() && STATIONS.contains(&station),
+                    "{frame:02X?}"
+                );
                 found += 1;
             }
         }

@@ -18,7 +18,9 @@ impl<'a> Feed<'a> {
     }
 
     pub fn byte(&mut self) -> u8 {
-        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        let Some((first, rest)) = self.0.split_first() else {
+            return 0;
+        };
         self.0 = rest;
         *first
     }
@@ -69,7 +71,11 @@ pub fn chunks(stream: &[u8], seed: u8) -> impl Iterator<Item = &[u8]> {
     let mut state = u32::from(seed);
     std::iter::from_fn(move || {
         let length = 1 + (state >> 3) as usize % 40;
-        state = if seed == 0 { 0 } else { state.wrapping_mul(1_103_515_245).wrapping_add(12_345) >> 1 };
+        state = if seed == 0 {
+            0
+        } else {
+            state.wrapping_mul(1_103_515_245).wrapping_add(12_345) >> 1
+        };
         let (chunk, behind) = rest.split_at(length.min(rest.len()));
         rest = behind;
         (!chunk.is_empty()).then_some(chunk)

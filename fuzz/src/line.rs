@@ -39,7 +39,11 @@ const EFFECTS_MAX: usize = 4_000;
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
     let flags = feed.byte();
-    let framing = if flags & 1 == 0 { Framing::Rtu } else { Framing::Ascii };
+    let framing = if flags & 1 == 0 {
+        Framing::Rtu
+    } else {
+        Framing::Ascii
+    };
     let model = Arc::new(plant::model(feed.byte()).on(framing));
     let mut watch = Watch::new(framing, &model, flags & 2 != 0);
     watch.input(Input::PortUp(PortKind::Serial));
@@ -149,7 +153,9 @@ impl Watch {
     }
 
     fn port(&mut self, what: u8) {
-        let fault = [LineFault::Gone, LineFault::Failed, LineFault::Stuck].get(usize::from(what % 8)).copied();
+        let fault = [LineFault::Gone, LineFault::Failed, LineFault::Stuck]
+            .get(usize::from(what % 8))
+            .copied();
         self.input(fault.map_or(Input::PortUp(PortKind::Serial), Input::PortDown));
         self.quiet_since = self.now;
     }
@@ -163,15 +169,24 @@ impl Watch {
 
     /// The right reply to the last frame, an exception, or either damaged.
     fn reply(&mut self, feed: &mut Feed<'_>) {
-        let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else { return };
+        let Some((station, pdu)) = framing::decode(self.framing, &self.last_frame) else {
+            return;
+        };
         let how = feed.byte();
         let word = feed.word();
         let mut reply = Vec::new();
-        framing::encode(self.framing, &mut reply, station, |out| match Request::decode(&pdu) {
-            _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
-            Some(Request::Read { count, .. }) => pdu::encode_read_reply(out, Table::Holding, &vec![word; count.into()]),
-            _ => out.extend_from_slice(&pdu[..pdu.len().min(5)]),
-        });
+        framing::encode(
+            self.framing,
+            &mut reply,
+            station,
+            |out| match Request::decode(&pdu) {
+                _ if how & 3 == 3 => out.extend([pdu[0] | function::EXCEPTION_BIT, how >> 4]),
+                Some(Request::Read { count, .. }) => {
+                    pdu::encode_read_reply(out, Table::Holding, &vec![word; count.into()])
+                }
+                _ => out.extend_from_slice(&pdu[..pdu.len().min(5)]),
+            },
+        );
         if how & 4 != 0 {
             let at = usize::from(word) % reply.len();
             reply[at] ^= 0x10;
@@ -185,14 +200,24 @@ impl Watch {
         let kind = feed.byte();
         let asker = AskerId(u64::from(feed.byte() % 4));
         let drive = feed.byte() % (DRIVES + 1);
-        let address = if kind & 8 == 0 { feed.word() } else { self.role(feed.byte()) };
+        let address = if kind & 8 == 0 {
+            feed.word()
+        } else {
+            self.role(feed.byte())
+        };
         let room = usize::from(u16::MAX - address) + 1;
         let ask = match kind % 4 {
-            0 | 1 => NativeAsk::Read { address: address.into(), count: (1 + feed.word() % 125).min(room as u16) },
+            0 | 1 => NativeAsk::Read {
+                address: address.into(),
+                count: (1 + feed.word() % 125).min(room as u16),
+            },
             2 => {
                 let mut values = feed.words(122.min(room - 1));
                 values.push(feed.word());
-                NativeAsk::Write { address: address.into(), values }
+                NativeAsk::Write {
+                    address: address.into(),
+                    values,
+                }
             }
             _ => NativeAsk::Loop { data: address },
         };
@@ -207,19 +232,34 @@ impl Watch {
             self.reads.insert((ticket, asker));
         }
         let deadline = self.now + PATIENCE;
-        self.input(Input::Native(NativeRequest { asker, ticket, drive, origin, ask, deadline }));
+        self.input(Input::Native(NativeRequest {
+            asker,
+            ticket,
+            drive,
+            origin,
+            ask,
+            deadline,
+        }));
     }
 
     /// The register of one of the roles by which a drive is commanded.
     fn role(&self, which: u8) -> u16 {
-        let role = if which & 1 == 0 { Role::RunCommand } else { Role::FrequencyCommand };
-        self.model.register_for(role).map_or(0, |register| register.address.number())
+        let role = if which & 1 == 0 {
+            Role::RunCommand
+        } else {
+            Role::FrequencyCommand
+        };
+        self.model
+            .register_for(role)
+            .map_or(0, |register| register.address.number())
     }
 
     fn command(&mut self, feed: &mut Feed<'_>) {
         let drive = feed.byte() % DRIVES;
         let who = feed.byte();
-        let Some(order) = self.order(feed) else { return };
+        let Some(order) = self.order(feed) else {
+            return;
+        };
         self.runs_ordered += usize::from(matches!(&order, Order::Go(go) if go.run().is_some()));
         let ticket = self.ticket();
         self.commands.insert(ticket);
@@ -240,17 +280,33 @@ impl Watch {
         let kind = feed.byte();
         let frequency = (kind & 16 != 0).then(|| Hertz::from_centihertz(feed.word()));
         Some(match kind % 16 {
-            0 | 1 => Order::Stop { setpoint: frequency },
+            0 | 1 => Order::Stop {
+                setpoint: frequency,
+            },
             2 => Order::Coast,
             3 => Order::Reset,
             4 => Order::Release,
             5 => Order::Renew,
-            6 => Order::Setup(self.model.setup.iter().filter_map(|item| item.address).take(16).collect()),
+            6 => Order::Setup(
+                self.model
+                    .setup
+                    .iter()
+                    .filter_map(|item| item.address)
+                    .take(16)
+                    .collect(),
+            ),
             rest => {
-                let direction = if kind & 32 == 0 { Direction::Forward } else { Direction::Reverse };
+                let direction = if kind & 32 == 0 {
+                    Direction::Forward
+                } else {
+                    Direction::Reverse
+                };
                 let writes = feed.words(if rest < 9 { 17 } else { 0 });
-                let writes = writes.into_iter().map(|address| RegisterWrite::new(address, 1));
-                return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction)).map(Order::Go);
+                let writes = writes
+                    .into_iter()
+                    .map(|address| RegisterWrite::new(address, 1));
+                return Go::new(writes.collect(), frequency, (rest > 7).then_some(direction))
+                    .map(Order::Go);
             }
         })
     }
@@ -265,7 +321,11 @@ impl Watch {
         let until = self.now + time;
         self.decide();
         while let Some(wake) = self.core.next_wake().filter(|wake| wake.at <= until) {
-            assert!(wake.at > self.now, "woken for ever: {wake:?} at {:?}", self.now);
+            assert!(
+                wake.at > self.now,
+                "woken for ever: {wake:?} at {:?}",
+                self.now
+            );
             self.now = wake.at;
             self.decide();
         }
@@ -288,10 +348,16 @@ impl Watch {
                 }
                 Effect::Answer(answer) => {
                     let of = (answer.ticket, answer.asker);
-                    assert!(self.reads.remove(&of) || self.writes.remove(&of), "twice or to nobody: {answer:?}");
+                    assert!(
+                        self.reads.remove(&of) || self.writes.remove(&of),
+                        "twice or to nobody: {answer:?}"
+                    );
                 }
                 Effect::Command(answer) => {
-                    assert!(self.commands.contains(&answer.ticket), "a word after the last: {answer:?}");
+                    assert!(
+                        self.commands.contains(&answer.ticket),
+                        "a word after the last: {answer:?}"
+                    );
                     if answer.is_final {
                         self.commands.remove(&answer.ticket);
                     }
@@ -316,26 +382,51 @@ impl Watch {
         while self.now < until && !(self.commands.is_empty() && self.writes.is_empty()) {
             self.pass(LOOK);
         }
-        assert!(self.commands.is_empty(), "without a last word: {:?}", self.commands);
-        assert!(self.writes.is_empty(), "without an answer: {:?}", self.writes);
+        assert!(
+            self.commands.is_empty(),
+            "without a last word: {:?}",
+            self.commands
+        );
+        assert!(
+            self.writes.is_empty(),
+            "without an answer: {:?}",
+            self.writes
+        );
     }
 
     fn sent(&mut self, frame: Vec<u8>) {
         let quiet_for = self.now.since(self.quiet_since);
-        let (station, pdu) = framing::decode(self.framing, &frame).expect("only sound frames are sent");
+        let (station, pdu) =
+            framing::decode(self.framing, &frame).expect("only sound frames are sent");
         let is_jammed = self.core.report().fault == Some(LineFault::Jammed);
         // On a jammed line a stop is sent over any talker, and nothing else is.
         if is_jammed && self.core.report().state == LineState::Down {
-            assert_ne!(pdu[0], function::READ_HOLDING, "{frame:02X?} on a jammed line");
+            assert_ne!(
+                pdu[0],
+                function::READ_HOLDING,
+                "{frame:02X?} on a jammed line"
+            );
         } else {
-            assert!(self.now >= self.quiet_since && quiet_for >= self.silence, "{frame:02X?} after {quiet_for:?}");
+            assert!(
+                self.now >= self.quiet_since && quiet_for >= self.silence,
+                "{frame:02X?} after {quiet_for:?}"
+            );
         }
         assert!(self.core.is_occupied(), "sent, and the wire is free");
         let reason = self.core.next_wake().map(|wake| wake.reason);
-        let waits = matches!(reason, Some(WakeReason::ReplyDue | WakeReason::RequestDeadline));
+        let waits = matches!(
+            reason,
+            Some(WakeReason::ReplyDue | WakeReason::RequestDeadline)
+        );
         // Work of a drive under control may be due earlier.
-        assert!(waits || self.has_control, "nobody waits for the reply: {reason:?}");
-        assert!((1..=DRIVES).contains(&station) || to_all(&self.model) == Some(station), "station {station}");
+        assert!(
+            waits || self.has_control,
+            "nobody waits for the reply: {reason:?}"
+        );
+        assert!(
+            (1..=DRIVES).contains(&station) || to_all(&self.model) == Some(station),
+            "station {station}"
+        );
         self.check_run(&pdu);
         self.quiet_since = self.now + self.link.bytes(frame.len());
         self.last_frame = frame;
@@ -343,13 +434,19 @@ impl Watch {
 
     /// No RUN is sent more often than it was ordered.
     fn check_run(&mut self, pdu: &[u8]) {
-        let (Some(run), Some(register)) = (&self.model.run, self.model.register_for(Role::RunCommand)) else { return };
+        let (Some(run), Some(register)) =
+            (&self.model.run, self.model.register_for(Role::RunCommand))
+        else {
+            return;
+        };
         let (address, values) = match Request::decode(pdu) {
             Some(Request::WriteSingle { address, value }) => (address, vec![value]),
             Some(Request::WriteMultiple { address, values }) => (address, values),
             _ => return,
         };
-        let Some(word) = register.address.word_in(address, &values) else { return };
+        let Some(word) = register.address.word_in(address, &values) else {
+            return;
+        };
         let runs = [Some(&run.forward), run.reverse.as_ref()];
         if runs.iter().flatten().any(|fact| fact.value == word) {
             assert!(self.runs_ordered > 0, "nobody ordered {pdu:02X?}");
@@ -360,14 +457,29 @@ impl Watch {
 
 /// The broadcast station for stops, if this model has one.
 fn to_all(model: &Model) -> Option<u8> {
-    model.link.broadcast.as_ref().map(|broadcast| broadcast.station.value)
+    model
+        .link
+        .broadcast
+        .as_ref()
+        .map(|broadcast| broadcast.station.value)
 }
 
 fn origin(who: u8) -> Origin {
-    let rights = Rights { write: who & 4 == 0, stop: who & 8 == 0 };
+    let rights = Rights {
+        write: who & 4 == 0,
+        stop: who & 8 == 0,
+    };
     match who >> 4 & 3 {
-        0 => Origin { owner: Owner::Mqtt, rights, manner: Manner::Once },
-        1 => Origin { owner: Owner::Local, rights, manner: Manner::Once },
+        0 => Origin {
+            owner: Owner::Mqtt,
+            rights,
+            manner: Manner::Once,
+        },
+        1 => Origin {
+            owner: Owner::Local,
+            rights,
+            manner: Manner::Once,
+        },
         last => Origin {
             owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))),
             rights,

@@ -17,7 +17,8 @@ use vfd_gateway::drive::snapshot::Presence;
 use vfd_gateway::drive::view::{ControlView, DriveView, RunState};
 use vfd_gateway::north::modbus::own::{self, Gateway};
 use vfd_gateway::north::modbus::{
-    Answer, Ask, Call, Commands, Connection, Ended, Limits, Ordered, Present, ReadBehind, Taken, Uniform, Words, native,
+    Answer, Ask, Call, Commands, Connection, Ended, Limits, Ordered, Present, ReadBehind, Taken,
+    Uniform, Words, native,
 };
 use vfd_gateway::wire::{exception, mbap};
 
@@ -26,7 +27,8 @@ const UNIFORM: u8 = 101;
 const UNITS: [u8; 6] = [NATIVE, UNIFORM, UNIFORM, own::UNIT, own::BROADCAST, 9];
 /// Bound of the output: what closes the connection, one piece of requests that are refused at once, and a full answer
 /// for each place and each unit.
-const OUTPUT_MAX: usize = Connection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
+const OUTPUT_MAX: usize =
+    Connection::OUTPUT_MAX + 2 * Feed::PIECE_MAX + (16 + 256) * mbap::MAX_ADU_BYTES;
 
 pub fn run(bytes: &[u8]) {
     let mut feed = Feed::new(bytes);
@@ -47,13 +49,28 @@ struct Units {
 
 impl Units {
     fn new(drive: DriveDescription, feed: &mut Feed<'_>) -> Self {
-        let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+        let mut view = DriveView {
+            line_is_up: true,
+            run_state: RunState::Forward,
+            ..DriveView::default()
+        };
         view.snapshot.presence = Presence::Online;
         let words = feed.words(32);
-        let addresses = drive.model.registers.iter().filter(|it| it.poll.is_some()).map(|it| it.address);
-        addresses.zip(words).for_each(|(address, word)| view.snapshot.take(address, &[word], MonoTime::ZERO));
+        let addresses = drive
+            .model
+            .registers
+            .iter()
+            .filter(|it| it.poll.is_some())
+            .map(|it| it.address);
+        addresses
+            .zip(words)
+            .for_each(|(address, word)| view.snapshot.take(address, &[word], MonoTime::ZERO));
         view.control = drive.control.is_some().then(ControlView::default);
-        Self { uniform: Uniform::new(&drive), drive, view: Arc::new(view) }
+        Self {
+            uniform: Uniform::new(&drive),
+            drive,
+            view: Arc::new(view),
+        }
     }
 
     fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
@@ -116,7 +133,11 @@ fn cut(stream: &mut Vec<u8>) -> Result<Option<(u16, u8, Vec<u8>)>, ()> {
         return Ok(None);
     }
     let message: Vec<u8> = stream.drain(..6 + length).collect();
-    Ok(Some((u16::from_be_bytes([message[0], message[1]]), message[6], message[7..].to_vec())))
+    Ok(Some((
+        u16::from_be_bytes([message[0], message[1]]),
+        message[6],
+        message[7..].to_vec(),
+    )))
 }
 
 impl Observer {
@@ -133,11 +154,17 @@ impl Observer {
 
     fn receives(&mut self, bytes: &[u8]) {
         self.received.extend_from_slice(bytes);
-        while let Some((transaction, unit, pdu)) = cut(&mut self.received).expect("only sound messages go out") {
-            let is_it = |it: &(u16, u8, u8)| (it.0, it.1, it.2 | 0x80) == (transaction, unit, pdu[0] | 0x80);
+        while let Some((transaction, unit, pdu)) =
+            cut(&mut self.received).expect("only sound messages go out")
+        {
+            let is_it = |it: &(u16, u8, u8)| {
+                (it.0, it.1, it.2 | 0x80) == (transaction, unit, pdu[0] | 0x80)
+            };
             // The oldest: equal ones cannot be told apart.
             let place = self.open.iter().position(is_it);
-            self.open.remove(place.unwrap_or_else(|| panic!("nobody asked for {transaction} {unit} {pdu:02X?}")));
+            self.open.remove(
+                place.unwrap_or_else(|| panic!("nobody asked for {transaction} {unit} {pdu:02X?}")),
+            );
         }
     }
 }
@@ -183,7 +210,11 @@ impl Client {
                 self.send(&piece.repeat(Feed::PIECE_MAX / piece.len().max(1)), None);
             }
         }
-        assert!(self.connection.output().len() <= OUTPUT_MAX, "{} bytes wait", self.connection.output().len());
+        assert!(
+            self.connection.output().len() <= OUTPUT_MAX,
+            "{} bytes wait",
+            self.connection.output().len()
+        );
     }
 
     /// A complete message, in chunks.
@@ -194,16 +225,22 @@ impl Client {
         let mut message = Vec::new();
         self.transaction = self.transaction.wrapping_add(1);
         mbap::encode(&mut message, self.transaction, unit, |out| {
-            out.extend_from_slice(if pdu.is_empty() { &[0] } else { &pdu[..pdu.len().min(253)] });
+            out.extend_from_slice(if pdu.is_empty() {
+                &[0]
+            } else {
+                &pdu[..pdu.len().min(253)]
+            });
         });
         self.send(&message, Some(seed));
     }
 
     fn send(&mut self, bytes: &[u8], seed: Option<u8>) {
-        let pieces: Vec<&[u8]> = seed.map_or_else(|| vec![bytes], |seed| chunks(bytes, seed).collect());
+        let pieces: Vec<&[u8]> =
+            seed.map_or_else(|| vec![bytes], |seed| chunks(bytes, seed).collect());
         for piece in pieces {
             let units = &self.units;
-            self.connection.receive(self.now, piece, &|unit, ask| units.is_stop(unit, ask));
+            self.connection
+                .receive(self.now, piece, &|unit, ask| units.is_stop(unit, ask));
             self.observer.sends(piece);
             while let Some(call) = self.connection.next_call() {
                 self.serve(call);
@@ -218,27 +255,55 @@ impl Client {
     fn serve(&mut self, call: Call) {
         let mut words = Words::default();
         let owner = Owner::Mqtt;
-        let present = Present { now: self.now, uptime_s: 7, owner, standby: None };
+        let present = Present {
+            now: self.now,
+            uptime_s: 7,
+            owner,
+            standby: None,
+        };
         let is_stop = self.units.is_stop(call.unit, &call.ask);
         let taken = match call.unit {
             NATIVE => match native::ask_of(&self.units.drive.model, call.ask.clone()) {
                 Ok(_) => return self.native.push(call),
                 Err(code) => Taken::Exception(code),
             },
-            UNIFORM => self.units.uniform.take(&call.ask, &self.units.view, &present, &mut words),
-            own::UNIT | own::BROADCAST => own::take(call.unit, &call.ask, &self.units, &present, &mut words),
+            UNIFORM => self
+                .units
+                .uniform
+                .take(&call.ask, &self.units.view, &present, &mut words),
+            own::UNIT | own::BROADCAST => {
+                own::take(call.unit, &call.ask, &self.units, &present, &mut words)
+            }
             _ => Taken::Exception(exception::GATEWAY_PATH_UNAVAILABLE),
         };
         let now = self.now;
         let connection = &mut self.connection;
         let ordered = taken.at_once(&words, |answer| connection.answer(now, call.ticket, answer));
-        assert!(call.ask.writes() || ordered.is_ok(), "a read orders: {:?}", call.ask);
-        let stops = matches!(&ordered, Err(Ordered::StopAll | Ordered::One(Order::Stop { .. } | Order::Coast)));
-        assert!(is_stop || !stops, "a stop that finds no place: {:?}", call.ask);
+        assert!(
+            call.ask.writes() || ordered.is_ok(),
+            "a read orders: {:?}",
+            call.ask
+        );
+        let stops = matches!(
+            &ordered,
+            Err(Ordered::StopAll | Ordered::One(Order::Stop { .. } | Order::Coast))
+        );
+        assert!(
+            is_stop || !stops,
+            "a stop that finds no place: {:?}",
+            call.ask
+        );
         if ordered.is_err() {
             let order = connection.fresh_ticket();
             self.orders.push(order);
-            self.commands.expect(now, call.ticket, call.deadline, vec![order], None, read_behind(&call));
+            self.commands.expect(
+                now,
+                call.ticket,
+                call.deadline,
+                vec![order],
+                None,
+                read_behind(&call),
+            );
         }
     }
 
@@ -254,20 +319,33 @@ impl Client {
             0 => NativeOutcome::Words(feed.words(130).into()),
             1 => NativeOutcome::Written,
             2 => NativeOutcome::KeptOldValue(feed.word()),
-            3 => NativeOutcome::DriveException { code: feed.byte(), reason: Reason::DriveException },
+            3 => NativeOutcome::DriveException {
+                code: feed.byte(),
+                reason: Reason::DriveException,
+            },
             4 => NativeOutcome::Refused(Refusal::LineDown),
             5 => NativeOutcome::NoReply,
             6 => NativeOutcome::Superseded,
             _ => {
-                let count = if let Ask::ReadWords { count, .. } = call.ask { count } else { 1 };
+                let count = if let Ask::ReadWords { count, .. } = call.ask {
+                    count
+                } else {
+                    1
+                };
                 NativeOutcome::Words(vec![feed.word(); count.into()].into())
             }
         };
-        self.connection.answer(self.now, call.ticket, native::answer_of(&outcome));
+        self.connection
+            .answer(self.now, call.ticket, native::answer_of(&outcome));
     }
 
     fn order_ends(&mut self, feed: &mut Feed<'_>) {
-        const OUTCOMES: [Outcome; 4] = [Outcome::Acknowledged, Outcome::Confirmed, Outcome::Failed, Outcome::Refused];
+        const OUTCOMES: [Outcome; 4] = [
+            Outcome::Acknowledged,
+            Outcome::Confirmed,
+            Outcome::Failed,
+            Outcome::Refused,
+        ];
         let outcome = feed.one_of(&OUTCOMES);
         let place = usize::from(feed.byte());
         let is_final = feed.flag();
@@ -275,18 +353,51 @@ impl Client {
             return;
         }
         let ticket = self.orders.remove(place % self.orders.len());
-        let report = Report { exception: Some(feed.byte()), ..Report::new(outcome, Reason::NoReply) };
-        let answer = CommandAnswer { asker: AskerId(1), ticket, drive: DriveIndex(0), report, is_final };
-        let Some(Ended { call, exception, read }) = self.commands.take(&answer) else { return };
+        let report = Report {
+            exception: Some(feed.byte()),
+            ..Report::new(outcome, Reason::NoReply)
+        };
+        let answer = CommandAnswer {
+            asker: AskerId(1),
+            ticket,
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        };
+        let Some(Ended {
+            call,
+            exception,
+            read,
+        }) = self.commands.take(&answer)
+        else {
+            return;
+        };
         let Some(read) = read else {
-            return self.connection.answer(self.now, call, exception.map_or(Answer::Written, Answer::Exception));
+            return self.connection.answer(
+                self.now,
+                call,
+                exception.map_or(Answer::Written, Answer::Exception),
+            );
         };
         let mut words = Words::default();
-        let present = Present { now: self.now, uptime_s: 7, owner: Owner::Mqtt, standby: None };
-        let taken = self.units.uniform.read(read.address, read.count, &self.units.view, &present, &mut words);
+        let present = Present {
+            now: self.now,
+            uptime_s: 7,
+            owner: Owner::Mqtt,
+            standby: None,
+        };
+        let taken = self.units.uniform.read(
+            read.address,
+            read.count,
+            &self.units.view,
+            &present,
+            &mut words,
+        );
         let now = self.now;
         let connection = &mut self.connection;
-        taken.at_once(&words, |answer| connection.answer(now, call, answer)).expect("a read orders nothing");
+        taken
+            .at_once(&words, |answer| connection.answer(now, call, answer))
+            .expect("a read orders nothing");
     }
 
     /// The client reads at most `bytes` bytes of its answers.
@@ -301,7 +412,12 @@ impl Client {
         while let Some(wake) = self.connection.next_wake().filter(|wake| *wake <= until) {
             self.now = self.now.max(wake);
             self.connection.tick(self.now);
-            assert!(self.connection.next_wake().is_none_or(|next| next > self.now), "woken for ever");
+            assert!(
+                self.connection
+                    .next_wake()
+                    .is_none_or(|next| next > self.now),
+                "woken for ever"
+            );
         }
         self.now = until;
     }
@@ -312,17 +428,31 @@ impl Client {
         if self.connection.close_reason().is_none() {
             self.pass(Limits::default().answer_within);
             self.read(usize::MAX);
-            assert!(self.observer.open.is_empty(), "without an answer: {:?}", self.observer.open);
+            assert!(
+                self.observer.open.is_empty(),
+                "without an answer: {:?}",
+                self.observer.open
+            );
         }
-        assert!(self.observer.received.is_empty(), "half an answer: {:02X?}", self.observer.received);
+        assert!(
+            self.observer.received.is_empty(),
+            "half an answer: {:02X?}",
+            self.observer.received
+        );
     }
 }
 
 fn read_behind(call: &Call) -> Option<ReadBehind> {
     match call.ask {
-        Ask::ReadWriteWords { read_address, read_count, .. } => {
-            Some(ReadBehind { unit: call.unit, address: read_address, count: read_count })
-        }
+        Ask::ReadWriteWords {
+            read_address,
+            read_count,
+            ..
+        } => Some(ReadBehind {
+            unit: call.unit,
+            address: read_address,
+            count: read_count,
+        }),
         _ => None,
     }
 }

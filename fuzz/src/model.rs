@@ -30,12 +30,29 @@ pub fn run(bytes: &[u8]) {
 }
 
 fn work_with(model: &Arc<Model>, framing: Framing) {
-    assert!((1..=125).contains(&model.read.max_words.value), "{:?}", model.read.max_words);
+    assert!(
+        (1..=125).contains(&model.read.max_words.value),
+        "{:?}",
+        model.read.max_words
+    );
     let _ = Uniform::new(&plant::drive(model, 0, "pump", true));
-    let _ = PollPlan::new(model, Pace::new(Duration::from_secs(1), 1.0), MonoTime::ZERO, PlaceOnLine::ALONE);
-    let timing = Timing::for_models(framing, LinkSettings::DEFAULT, [model.as_ref()], Duration::ZERO);
+    let _ = PollPlan::new(
+        model,
+        Pace::new(Duration::from_secs(1), 1.0),
+        MonoTime::ZERO,
+        PlaceOnLine::ALONE,
+    );
+    let timing = Timing::for_models(
+        framing,
+        LinkSettings::DEFAULT,
+        [model.as_ref()],
+        Duration::ZERO,
+    );
     let timeouts = ReplyTimeouts::auto(&model.timing);
-    assert!(timing.silence < Duration::from_secs(60) && !timeouts.read.is_zero(), "{timing:?} {timeouts:?}");
+    assert!(
+        timing.silence < Duration::from_secs(60) && !timeouts.read.is_zero(),
+        "{timing:?} {timeouts:?}"
+    );
     values_survive(model);
     a_drive_answers(model);
 }
@@ -46,7 +63,12 @@ fn values_survive(model: &Model) {
         for word in [1, 0x7FFF, 0x8000] {
             let value = Scaled::from_word(word, register);
             assert!(!value.to_string().is_empty());
-            assert_eq!(to_raw(value.value(), register), Ok(word), "{}", register.name);
+            assert_eq!(
+                to_raw(value.value(), register),
+                Ok(word),
+                "{}",
+                register.name
+            );
         }
     }
 }
@@ -56,11 +78,19 @@ fn a_drive_answers(model: &Arc<Model>) {
     let mut drive = SimDrive::new(Arc::clone(model), DriveOptions::default());
     let mut now = MonoTime::from_millis(100_000);
     let every = 1 + model.registers.len() / 16;
-    for address in model.registers.iter().step_by(every).map(|register| register.address) {
+    for address in model
+        .registers
+        .iter()
+        .step_by(every)
+        .map(|register| register.address)
+    {
         let requests = [
             Request::Read { address, count: 1 },
             Request::WriteSingle { address, value: 1 },
-            Request::WriteMultiple { address, values: vec![1, 0] },
+            Request::WriteMultiple {
+                address,
+                values: vec![1, 0],
+            },
         ];
         for request in requests {
             let mut pdu = Vec::new();
@@ -68,7 +98,10 @@ fn a_drive_answers(model: &Arc<Model>) {
             request.encode(&mut pdu);
             now = now + Duration::from_millis(100);
             let is_answered = drive.answer(now, &pdu, 1, &mut reply);
-            assert!(!is_answered || (2..=MAX_PDU_BYTES).contains(&reply.len()), "{reply:02X?} to {pdu:02X?}");
+            assert!(
+                !is_answered || (2..=MAX_PDU_BYTES).contains(&reply.len()),
+                "{reply:02X?} to {pdu:02X?}"
+            );
         }
     }
 }

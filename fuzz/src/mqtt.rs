@@ -15,7 +15,9 @@ use vfd_gateway::domain::native::{NativeAnswer, NativeOutcome};
 use vfd_gateway::domain::report::LineReport;
 use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::view::{ControlView, DriveView};
-use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, Qos, ToLine, Version};
+use vfd_gateway::north::broker::{
+    Broker, Event, LineState, Message, Publication, Qos, ToLine, Version,
+};
 use vfd_gateway::north::clock::Moment;
 use vfd_gateway::north::mqtt::{Act, Combined, HomeAssistant, LeaseMode, Session, Settings, Tree};
 
@@ -59,10 +61,18 @@ fn settings(flags: u8) -> Settings {
         prefix: "vfd".into(),
         gateway: plant::name("plant"),
         standby: None,
-        version: if flags & 1 == 0 { Version::V4 } else { Version::V5 },
+        version: if flags & 1 == 0 {
+            Version::V4
+        } else {
+            Version::V5
+        },
         heartbeat: Duration::from_secs(60),
         subscription_qos: Qos::AtLeastOnce,
-        lease: if flags & 2 == 0 { LeaseMode::Session } else { LeaseMode::Explicit },
+        lease: if flags & 2 == 0 {
+            LeaseMode::Session
+        } else {
+            LeaseMode::Explicit
+        },
         alive_topic: Some("home/status".into()),
         probe_interval: Duration::from_secs(5),
         probe_timeout: Duration::from_secs(10),
@@ -96,17 +106,37 @@ impl Rig {
     fn new(flags: u8) -> Self {
         let settings = settings(flags);
         let model = plant::model(1);
-        let drives = vec![plant::drive(&model, 0, "pump", true), plant::drive(&model, 1, "fan", false)];
+        let drives = vec![
+            plant::drive(&model, 0, "pump", true),
+            plant::drive(&model, 1, "fan", false),
+        ];
         let views = drives.iter().map(|drive| {
             let control = drive.control.is_some().then(ControlView::default);
-            Arc::new(DriveView { line_is_up: true, control, ..DriveView::default() })
+            Arc::new(DriveView {
+                line_is_up: true,
+                control,
+                ..DriveView::default()
+            })
         });
-        let lines = vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }];
+        let lines = vec![LineState {
+            name: plant::name("hall"),
+            report: LineReport::default(),
+            stations: Vec::new(),
+        }];
         Self {
             views: views.collect(),
-            session: Session::new(settings.clone(), drives, vec![plant::name("hall")], moment(1_000), 1),
+            session: Session::new(
+                settings.clone(),
+                drives,
+                vec![plant::name("hall")],
+                moment(1_000),
+                1,
+            ),
             settings,
-            broker: Broker { maximum_packet_bytes: (flags & 4 != 0).then_some(400), retains: flags & 8 == 0 },
+            broker: Broker {
+                maximum_packet_bytes: (flags & 4 != 0).then_some(400),
+                retains: flags & 8 == 0,
+            },
             lines,
             millis: 1_000,
             commands: BTreeMap::new(),
@@ -119,11 +149,19 @@ impl Rig {
     }
 
     fn connect(&mut self) {
-        self.session.handle(self.at(), Event::Connected(self.broker));
+        self.session
+            .handle(self.at(), Event::Connected(self.broker));
         let acts = self.acts();
-        let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
+        let filters = acts.iter().find_map(|act| {
+            if let Act::Subscribe(it) = act {
+                Some(it.len())
+            } else {
+                None
+            }
+        });
         if let Some(filters) = filters {
-            self.session.handle(self.at(), Event::Subscribed(vec![true; filters]));
+            self.session
+                .handle(self.at(), Event::Subscribed(vec![true; filters]));
             self.acts();
         }
     }
@@ -133,7 +171,9 @@ impl Rig {
             0..=4 => self.message(feed),
             5 => self.pass(feed.millis() / 4),
             6 | 7 => self.line_answers(feed),
-            8 => self.session.handle(self.at(), Event::Acknowledged(u64::from(feed.byte()))),
+            8 => self
+                .session
+                .handle(self.at(), Event::Acknowledged(u64::from(feed.byte()))),
             _ => {
                 self.session.handle(self.at(), Event::Lost);
                 self.acts();
@@ -147,7 +187,11 @@ impl Rig {
     fn message(&mut self, feed: &mut Feed<'_>) {
         let topic = feed.one_of(&TOPICS);
         let flags = feed.byte();
-        let own = if topic.is_empty() { String::from_utf8_lossy(feed.piece()).into_owned() } else { String::new() };
+        let own = if topic.is_empty() {
+            String::from_utf8_lossy(feed.piece()).into_owned()
+        } else {
+            String::new()
+        };
         let response = (flags & 8 != 0).then(|| String::from_utf8_lossy(feed.piece()).into_owned());
         let message = Message {
             topic: if topic.is_empty() { &own } else { topic },
@@ -159,21 +203,40 @@ impl Rig {
             payload: feed.piece(),
         };
         let before = self.session.counters();
-        self.session.handle(self.at(), Event::Message(message.clone()));
+        self.session
+            .handle(self.at(), Event::Message(message.clone()));
         let acts = self.acts();
         let after = self.session.counters();
         self.acts_on(&message, &acts);
         let ends = (after.refused - before.refused) + (after.duplicates - before.duplicates);
         let taken = acts
             .iter()
-            .filter(|act| matches!(act, Act::ToLine(ToLine::Command(..)) | Act::ToLine(ToLine::Read(..))))
+            .filter(|act| {
+                matches!(
+                    act,
+                    Act::ToLine(ToLine::Command(..)) | Act::ToLine(ToLine::Read(..))
+                )
+            })
             .count();
         let is_input = topic.starts_with("vfd/plant/drive/pump/") && !message.payload.is_empty();
-        assert!(!is_input || ends + taken as u64 >= 1, "neither taken nor refused: {message:?}");
-        let kept = acts.iter().filter(|act| matches!(act, Act::Keep(..))).count();
+        assert!(
+            !is_input || ends + taken as u64 >= 1,
+            "neither taken nor refused: {message:?}"
+        );
+        let kept = acts
+            .iter()
+            .filter(|act| matches!(act, Act::Keep(..)))
+            .count();
         let writes = is_input && !topic.ends_with("/get") && !topic.ends_with("/lease");
-        let ordered = acts.iter().filter(|act| matches!(act, Act::ToLine(ToLine::Command(..)))).count();
-        assert!(!writes || ordered + kept == 1, "accounted for {} times: {message:?}", ordered + kept);
+        let ordered = acts
+            .iter()
+            .filter(|act| matches!(act, Act::ToLine(ToLine::Command(..))))
+            .count();
+        assert!(
+            !writes || ordered + kept == 1,
+            "accounted for {} times: {message:?}",
+            ordered + kept
+        );
         assert!(kept <= 1, "kept {kept} times: {message:?}");
         assert_eq!(after.messages_in, before.messages_in + 1);
     }
@@ -182,55 +245,114 @@ impl Rig {
     fn acts_on(&self, message: &Message<'_>, acts: &[Act]) {
         let orders: Vec<_> = acts
             .iter()
-            .filter_map(|act| if let Act::ToLine(ToLine::Command(to, it)) = act { Some((to, it)) } else { None })
+            .filter_map(|act| {
+                if let Act::ToLine(ToLine::Command(to, it)) = act {
+                    Some((to, it))
+                } else {
+                    None
+                }
+            })
             .collect();
-        assert!(orders.len() <= 1, "one message, several commands: {message:?}");
+        assert!(
+            orders.len() <= 1,
+            "one message, several commands: {message:?}"
+        );
         for (to, request) in orders {
             assert_eq!((to.line, to.drive), (0, request.drive));
             let is_stop = matches!(request.order, Order::Stop { .. } | Order::Coast);
             let is_replay = message.retain && !(is_stop && self.settings.version == Version::V5);
             assert!(!is_replay, "a replay acts: {message:?} {request:?}");
             let now = self.at().mono;
-            assert!(request.start_before >= now && request.start_before <= now + TTL_MAX, "{request:?}");
-            assert!(request.issued.is_none_or(|issued| issued <= now), "{request:?}");
+            assert!(
+                request.start_before >= now && request.start_before <= now + TTL_MAX,
+                "{request:?}"
+            );
+            assert!(
+                request.issued.is_none_or(|issued| issued <= now),
+                "{request:?}"
+            );
         }
-        let is_read = acts.iter().any(|act| matches!(act, Act::ToLine(ToLine::Read(..))));
+        let is_read = acts
+            .iter()
+            .any(|act| matches!(act, Act::ToLine(ToLine::Read(..))));
         assert!(!(message.retain && is_read), "a replay reads: {message:?}");
     }
 
     fn line_answers(&mut self, feed: &mut Feed<'_>) {
-        const OUTCOMES: [Outcome; 5] =
-            [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Unknown, Outcome::Refused, Outcome::Superseded];
+        const OUTCOMES: [Outcome; 5] = [
+            Outcome::Confirmed,
+            Outcome::Acknowledged,
+            Outcome::Unknown,
+            Outcome::Refused,
+            Outcome::Superseded,
+        ];
         let outcome = feed.one_of(&OUTCOMES);
         let is_final = feed.flag();
         let place = usize::from(feed.byte());
         let asker = AskerId::MQTT;
-        let ticket =
-            if self.commands.is_empty() { None } else { self.commands.keys().nth(place % self.commands.len()) };
+        let ticket = if self.commands.is_empty() {
+            None
+        } else {
+            self.commands.keys().nth(place % self.commands.len())
+        };
         if let Some(ticket) = ticket.copied() {
-            let drive = self.commands.get(&ticket).map_or(DriveIndex(0), |it| it.drive);
-            let report = Report { held: Some(feed.word()), ..Report::new(outcome, Reason::NoReply) };
-            self.session.command_answer(self.at(), &CommandAnswer { asker, ticket, drive, report, is_final });
+            let drive = self
+                .commands
+                .get(&ticket)
+                .map_or(DriveIndex(0), |it| it.drive);
+            let report = Report {
+                held: Some(feed.word()),
+                ..Report::new(outcome, Reason::NoReply)
+            };
+            self.session.command_answer(
+                self.at(),
+                &CommandAnswer {
+                    asker,
+                    ticket,
+                    drive,
+                    report,
+                    is_final,
+                },
+            );
             if is_final {
                 self.commands.remove(&ticket);
             }
         }
         if let Some(ticket) = self.reads.pop() {
-            let outcome = if feed.flag() { NativeOutcome::Words(feed.words(2).into()) } else { NativeOutcome::NoReply };
-            self.session.native_answer(self.at(), &NativeAnswer { asker, ticket, outcome });
+            let outcome = if feed.flag() {
+                NativeOutcome::Words(feed.words(2).into())
+            } else {
+                NativeOutcome::NoReply
+            };
+            self.session.native_answer(
+                self.at(),
+                &NativeAnswer {
+                    asker,
+                    ticket,
+                    outcome,
+                },
+            );
         }
         self.acts();
     }
 
     fn pass(&mut self, time: Duration) {
         let until = self.millis + time.as_millis() as u64;
-        while let Some(wake) =
-            self.session.next_wake().map(|wake| wake.as_nanos().div_ceil(1_000_000)).filter(|it| *it <= until)
+        while let Some(wake) = self
+            .session
+            .next_wake()
+            .map(|wake| wake.as_nanos().div_ceil(1_000_000))
+            .filter(|it| *it <= until)
         {
             self.millis = wake.max(self.millis);
             self.session.tick(self.at());
             self.acts();
-            assert!(self.session.next_wake().is_none_or(|next| next > self.at().mono), "woken for ever");
+            assert!(
+                self.session
+                    .next_wake()
+                    .is_none_or(|next| next > self.at().mono),
+                "woken for ever"
+            );
         }
         self.millis = until;
         self.acts();
@@ -261,7 +383,9 @@ impl Rig {
                     assert!(before.is_none(), "a ticket twice");
                 }
                 Act::ToLine(ToLine::Read(_, request)) => self.reads.push(request.ticket),
-                Act::Keep(_, attempt) => assert!(attempt.report.is_some(), "no end follows: {attempt:?}"),
+                Act::Keep(_, attempt) => {
+                    assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
+                }
                 Act::Subscribe(_)
                 | Act::ToLine(ToLine::PathAlive)
                 | Act::ToLine(ToLine::PathOpened)
@@ -276,16 +400,39 @@ impl Rig {
 
     fn check_publication(&self, it: &Publication) {
         let is_ours = it.topic.starts_with(BASE);
-        let is_response = it.topic.strip_prefix(RESPONSES).is_some_and(|rest| rest.starts_with('/'));
-        let is_announcement = it.topic.starts_with("home/") && it.topic.contains("/vfd-gateway-plant/");
-        assert!(is_ours || is_announcement || is_response && !it.retain, "{it:?}");
-        let orders = ["/set", "/get", "/command", "/lease", "/trip/reset", "/control/release"];
-        assert!(!is_ours || !orders.iter().any(|end| it.topic.ends_with(end)), "{it:?}");
+        let is_response = it
+            .topic
+            .strip_prefix(RESPONSES)
+            .is_some_and(|rest| rest.starts_with('/'));
+        let is_announcement =
+            it.topic.starts_with("home/") && it.topic.contains("/vfd-gateway-plant/");
+        assert!(
+            is_ours || is_announcement || is_response && !it.retain,
+            "{it:?}"
+        );
+        let orders = [
+            "/set",
+            "/get",
+            "/command",
+            "/lease",
+            "/trip/reset",
+            "/control/release",
+        ];
+        assert!(
+            !is_ours || !orders.iter().any(|end| it.topic.ends_with(end)),
+            "{it:?}"
+        );
         let most = self.broker.maximum_packet_bytes.unwrap_or(usize::MAX);
-        assert!(it.topic.len() + it.payload.len() <= most, "too large for the broker: {it:?}");
+        assert!(
+            it.topic.len() + it.payload.len() <= most,
+            "too large for the broker: {it:?}"
+        );
         if is_response || it.topic.ends_with("/result") {
             let result: Value = serde_json::from_slice(&it.payload).expect("a result is JSON");
-            assert!(result["outcome"].is_string() && result["reason"].is_string(), "{result}");
+            assert!(
+                result["outcome"].is_string() && result["reason"].is_string(),
+                "{result}"
+            );
         }
     }
 }
@@ -293,5 +440,10 @@ impl Rig {
 /// The moment `millis` milliseconds after the start of the clock.
 fn moment(millis: u64) -> Moment {
     let since = i64::try_from(millis).expect("a moment");
-    Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: 1_767_225_600_000 + since } }
+    Moment {
+        mono: MonoTime::from_millis(millis),
+        wall: WallTime {
+            unix_ms: 1_767_225_600_000 + since,
+        },
+    }
 }

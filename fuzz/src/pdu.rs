@@ -17,12 +17,21 @@ pub fn run(bytes: &[u8]) {
     if request.len() <= MAX_PDU_BYTES {
         of_a_client(request);
     }
-    let unserved = request.first().map(|function| Request::Unserved { function: function & 0x7F, data: 0xA537 });
-    for request in Request::decode(request).into_iter().inspect(|it| formats_back(it, request)).chain(unserved) {
+    let unserved = request.first().map(|function| Request::Unserved {
+        function: function & 0x7F,
+        data: 0xA537,
+    });
+    for request in Request::decode(request)
+        .into_iter()
+        .inspect(|it| formats_back(it, request))
+        .chain(unserved)
+    {
         if let Some(answer) = request.reply_in(reply) {
             is_the_right_one(&request, &answer, reply);
         }
-        (0..=u8::MAX).for_each(|code| assert!(request.is_answered_by(code) || request.reply_pdu_bytes() == 2));
+        (0..=u8::MAX).for_each(|code| {
+            assert!(request.is_answered_by(code) || request.reply_pdu_bytes() == 2)
+        });
     }
 }
 
@@ -38,7 +47,10 @@ fn formats_back(request: &Request, pdu: &[u8]) {
 }
 
 fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
-    assert_eq!((pdu.len(), pdu[0]), (request.reply_pdu_bytes(), request.function()));
+    assert_eq!(
+        (pdu.len(), pdu[0]),
+        (request.reply_pdu_bytes(), request.function())
+    );
     let asked = encoded(request);
     match (request, answer) {
         (Request::Read { count, .. }, Reply::Words(words)) => {
@@ -51,7 +63,9 @@ fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
             assert_eq!(pdu[..3], asked[..3], "another register");
             assert_eq!(pdu[3..], value.to_be_bytes());
         }
-        (Request::Loopback { .. } | Request::WriteMultiple { .. }, Reply::Echo) => assert_eq!(pdu[..5], asked[..5]),
+        (Request::Loopback { .. } | Request::WriteMultiple { .. }, Reply::Echo) => {
+            assert_eq!(pdu[..5], asked[..5])
+        }
         other => panic!("{other:?}"),
     }
 }
@@ -60,21 +74,37 @@ fn is_the_right_one(request: &Request, answer: &Reply, pdu: &[u8]) {
 fn of_a_client(pdu: &[u8]) {
     match parse(pdu) {
         Err(code) => assert!(
-            [exception::ILLEGAL_FUNCTION, exception::ILLEGAL_DATA_ADDRESS, exception::ILLEGAL_DATA_VALUE]
-                .contains(&code),
+            [
+                exception::ILLEGAL_FUNCTION,
+                exception::ILLEGAL_DATA_ADDRESS,
+                exception::ILLEGAL_DATA_VALUE
+            ]
+            .contains(&code),
             "exception {code}"
         ),
         Ok(ask) => {
             assert_eq!(ask.function(), pdu[0]);
             let same = match ask {
                 Ask::ReadWords { address, count, .. } if pdu[0] == function::READ_HOLDING => {
-                    Request::Read { address: address.into(), count }
+                    Request::Read {
+                        address: address.into(),
+                        count,
+                    }
                 }
                 Ask::LoopTest { data } => Request::Loopback { data },
-                Ask::WriteWord { address, value } => Request::WriteSingle { address: address.into(), value },
+                Ask::WriteWord { address, value } => Request::WriteSingle {
+                    address: address.into(),
+                    value,
+                },
                 Ask::WriteWords { address, values } => {
-                    assert!(usize::from(address) + values.len() <= 0x1_0000, "past the last register");
-                    Request::WriteMultiple { address: address.into(), values }
+                    assert!(
+                        usize::from(address) + values.len() <= 0x1_0000,
+                        "past the last register"
+                    );
+                    Request::WriteMultiple {
+                        address: address.into(),
+                        values,
+                    }
                 }
                 _ => return,
             };
@@ -85,9 +115,13 @@ fn of_a_client(pdu: &[u8]) {
 
 /// The header of a Modbus TCP message matches the bytes of `stream`.
 fn header(stream: &[u8]) {
-    let Ok(Some(message)) = mbap::decode(stream) else { return };
+    let Ok(Some(message)) = mbap::decode(stream) else {
+        return;
+    };
     assert!((1..=MAX_PDU_BYTES).contains(&message.pdu.len()));
     let mut again = Vec::new();
-    mbap::encode(&mut again, message.transaction, message.unit, |out| out.extend_from_slice(message.pdu));
+    mbap::encode(&mut again, message.transaction, message.unit, |out| {
+        out.extend_from_slice(message.pdu)
+    });
     assert_eq!(again, stream[..message.adu_bytes]);
 }

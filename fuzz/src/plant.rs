@@ -20,7 +20,11 @@ pub fn catalog() -> &'static Catalog {
 /// The built-in model at `place`, wrapping around.
 pub fn model(place: u8) -> Arc<Model> {
     let ids: Vec<&str> = catalog().ids().collect();
-    Arc::clone(catalog().find(ids[usize::from(place) % ids.len()]).expect("an identifier of the catalogue"))
+    Arc::clone(
+        catalog()
+            .find(ids[usize::from(place) % ids.len()])
+            .expect("an identifier of the catalogue"),
+    )
 }
 
 pub fn name(text: &str) -> Name {
@@ -38,14 +42,21 @@ pub fn control() -> ControlSettings {
         accept_unverified: ControlAction::ALL.to_vec(),
         allow_release: true,
         native_write: vec![0x020C, 0x020E],
-        ..ControlSettings::new(limits, (FailSafe::Stop, Duration::from_secs(3)), FailSafe::Stop)
+        ..ControlSettings::new(
+            limits,
+            (FailSafe::Stop, Duration::from_secs(3)),
+            FailSafe::Stop,
+        )
     }
 }
 
 /// A drive of `model` at `place` on the only line, with control or without.
 pub fn drive(model: &Arc<Model>, place: u16, called: &str, has_control: bool) -> DriveDescription {
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(place),
+        },
         name: name(called),
         line: name("hall"),
         model: Arc::clone(model),

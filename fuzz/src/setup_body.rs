@@ -5,8 +5,13 @@ use vfd_gateway::domain::command::Go;
 use vfd_gateway::north::setup_body::addresses;
 
 pub fn run(bytes: &[u8]) {
-    let Some(addresses) = addresses(bytes) else { return };
-    assert!((1..=Go::REGISTERS_MAX).contains(&addresses.len()), "{addresses:?}");
+    let Some(addresses) = addresses(bytes) else {
+        return;
+    };
+    assert!(
+        (1..=Go::REGISTERS_MAX).contains(&addresses.len()),
+        "{addresses:?}"
+    );
     let said: Value = serde_json::from_slice(bytes).expect("what is taken is JSON");
     assert_eq!(said, json!({ "addresses": addresses }));
 }

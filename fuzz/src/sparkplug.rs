@@ -21,8 +21,14 @@ use vfd_gateway::north::sparkplug::{Act, Session, Settings};
 const PROBE: &str = "vfd/plant/sparkplug/probe";
 const STATE: &str = "spBv1.0/STATE/scada";
 const DCMD: &str = "spBv1.0/g/DCMD/plant/pump";
-const TOPICS: [&str; 6] =
-    [DCMD, "spBv1.0/g/NCMD/plant", STATE, "spBv1.0/g/DCMD/plant/fan", PROBE, "spBv1.0/g/DCMD/plant/x/y"];
+const TOPICS: [&str; 6] = [
+    DCMD,
+    "spBv1.0/g/NCMD/plant",
+    STATE,
+    "spBv1.0/g/DCMD/plant/fan",
+    PROBE,
+    "spBv1.0/g/DCMD/plant/x/y",
+];
 const NAMES: [&str; 8] = [
     "run/set",
     "frequency/set",
@@ -62,7 +68,11 @@ struct Rig {
 
 impl Rig {
     fn new(flags: u8) -> Self {
-        let version = if flags & 1 == 0 { Version::V4 } else { Version::V5 };
+        let version = if flags & 1 == 0 {
+            Version::V4
+        } else {
+            Version::V5
+        };
         let settings = Settings {
             group: "g".into(),
             node: plant::name("plant"),
@@ -77,9 +87,15 @@ impl Rig {
             keep_telemetry: 50,
         };
         let model = plant::model(1);
-        let drives = vec![plant::drive(&model, 0, "pump", true), plant::drive(&model, 1, "fan", false)];
+        let drives = vec![
+            plant::drive(&model, 0, "pump", true),
+            plant::drive(&model, 1, "fan", false),
+        ];
         let views = drives.iter().map(|drive| {
-            let mut view = DriveView { line_is_up: true, ..DriveView::default() };
+            let mut view = DriveView {
+                line_is_up: true,
+                ..DriveView::default()
+            };
             view.control = drive.control.is_some().then(ControlView::default);
             view.snapshot.presence = Presence::Online;
             Arc::new(view)
@@ -88,8 +104,15 @@ impl Rig {
             views: views.collect(),
             session: Session::new(settings, drives, &[plant::name("hall")], moment(1_000), 1),
             version,
-            broker: Broker { maximum_packet_bytes: (flags & 4 != 0).then_some(1_500), retains: true },
-            lines: vec![LineState { name: plant::name("hall"), report: LineReport::default(), stations: Vec::new() }],
+            broker: Broker {
+                maximum_packet_bytes: (flags & 4 != 0).then_some(1_500),
+                retains: true,
+            },
+            lines: vec![LineState {
+                name: plant::name("hall"),
+                report: LineReport::default(),
+                stations: Vec::new(),
+            }],
             millis: 1_000,
             bdseq: 0,
             next: None,
@@ -104,12 +127,20 @@ impl Rig {
     fn connect(&mut self) {
         self.session.connecting(self.bdseq);
         self.bdseq = self.bdseq.wrapping_add(1);
-        self.session.handle(self.at(), Event::Connected(self.broker));
+        self.session
+            .handle(self.at(), Event::Connected(self.broker));
         self.next = None;
         let acts = self.acts();
-        let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
+        let filters = acts.iter().find_map(|act| {
+            if let Act::Subscribe(it) = act {
+                Some(it.len())
+            } else {
+                None
+            }
+        });
         if let Some(filters) = filters {
-            self.session.handle(self.at(), Event::Subscribed(vec![true; filters]));
+            self.session
+                .handle(self.at(), Event::Subscribed(vec![true; filters]));
             self.acts();
         }
     }
@@ -152,12 +183,23 @@ impl Rig {
             };
             let alias = name.is_none().then(|| feed.word().into());
             let is_null = feed.flag().then_some(true);
-            Metric { name, alias, is_null, value: Some(value), ..Metric::default() }
+            Metric {
+                name,
+                alias,
+                is_null,
+                value: Some(value),
+                ..Metric::default()
+            }
         });
         let metrics = metrics.collect();
         let age_ms = u64::from(feed.word()) / 4;
         let now = u64::try_from(self.at().wall.unix_ms).expect("after 1970");
-        Payload { timestamp: feed.flag().then_some(now - age_ms), metrics, seq: None }.bytes()
+        Payload {
+            timestamp: feed.flag().then_some(now - age_ms),
+            metrics,
+            seq: None,
+        }
+        .bytes()
     }
 
     fn message(&mut self, feed: &mut Feed<'_>, payload: &[u8]) {
@@ -170,26 +212,57 @@ impl Rig {
         let acts = self.acts();
         let orders: Vec<_> = acts
             .iter()
-            .filter_map(|act| if let Act::ToLine(ToLine::Command(_, it)) = act { Some(it) } else { None })
+            .filter_map(|act| {
+                if let Act::ToLine(ToLine::Command(_, it)) = act {
+                    Some(it)
+                } else {
+                    None
+                }
+            })
             .collect();
-        assert!(orders.len() <= 1 || topic.contains("NCMD"), "one message, several commands: {orders:?}");
-        assert!(orders.is_empty() || topic == DCMD || topic.contains("NCMD"), "{topic}: {orders:?}");
+        assert!(
+            orders.len() <= 1 || topic.contains("NCMD"),
+            "one message, several commands: {orders:?}"
+        );
+        assert!(
+            orders.is_empty() || topic == DCMD || topic.contains("NCMD"),
+            "{topic}: {orders:?}"
+        );
         for request in orders {
             let is_stop = matches!(request.order, Order::Stop { .. } | Order::Coast);
             let is_replay = retain && !(is_stop && self.version == Version::V5);
             assert!(!is_replay, "a replay acts: {request:?}");
             assert!(is_stop || !duplicate, "a repeat acts: {request:?}");
-            assert!(is_stop || self.session.is_path_alive(self.at()), "nobody could be told: {request:?}");
-            assert_eq!(request.start_before, self.at().mono + Duration::from_secs(1));
-            assert!(request.issued.is_none_or(|issued| issued <= self.at().mono), "{request:?}");
+            assert!(
+                is_stop || self.session.is_path_alive(self.at()),
+                "nobody could be told: {request:?}"
+            );
+            assert_eq!(
+                request.start_before,
+                self.at().mono + Duration::from_secs(1)
+            );
+            assert!(
+                request.issued.is_none_or(|issued| issued <= self.at().mono),
+                "{request:?}"
+            );
         }
-        let kept = acts.iter().filter(|act| matches!(act, Act::Keep(..))).count();
+        let kept = acts
+            .iter()
+            .filter(|act| matches!(act, Act::Keep(..)))
+            .count();
         assert!(kept <= 4, "one message, {kept} rows of the audit");
     }
 
     fn state(&mut self, feed: &mut Feed<'_>) {
-        let payload = format!(r#"{{"online":{},"timestamp":{}}}"#, feed.flag(), feed.byte());
-        self.session.handle(self.at(), Event::Message(message(STATE, payload.as_bytes(), true, false)));
+        let payload = format!(
+            r#"{{"online":{},"timestamp":{}}}"#,
+            feed.flag(),
+            feed.byte()
+        );
+        self.session.handle(
+            self.at(),
+            Event::Message(message(STATE, payload.as_bytes(), true, false)),
+        );
         self.acts();
     }
 
@@ -198,7 +271,11 @@ impl Rig {
         let place = usize::from(feed.byte()) % self.views.len();
         let at = self.at().mono;
         let mut view = self.views[place].as_ref().clone();
-        view.snapshot.presence = if feed.byte() < 200 { Presence::Online } else { Presence::Offline };
+        view.snapshot.presence = if feed.byte() < 200 {
+            Presence::Online
+        } else {
+            Presence::Offline
+        };
         view.trip.active = Some(feed.flag());
         view.snapshot.take(0x0101_u16.into(), &[feed.word()], at);
         self.views[place] = Arc::new(view);
@@ -206,13 +283,22 @@ impl Rig {
     }
 
     fn line_answers(&mut self, feed: &mut Feed<'_>) {
-        const OUTCOMES: [Outcome; 3] = [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Refused];
+        const OUTCOMES: [Outcome; 3] =
+            [Outcome::Confirmed, Outcome::Acknowledged, Outcome::Refused];
         let outcome = feed.one_of(&OUTCOMES);
         let is_final = feed.flag();
-        let Some(ticket) = self.tickets.last().copied() else { return };
+        let Some(ticket) = self.tickets.last().copied() else {
+            return;
+        };
         let asker = AskerId::SPARKPLUG;
         let report = Report::new(outcome, Reason::NoReply);
-        self.session.command_answer(&CommandAnswer { asker, ticket, drive: DriveIndex(0), report, is_final });
+        self.session.command_answer(&CommandAnswer {
+            asker,
+            ticket,
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        });
         if is_final {
             self.tickets.pop();
         }
@@ -221,13 +307,21 @@ impl Rig {
 
     fn pass(&mut self, time: Duration) {
         let until = self.millis + time.as_millis() as u64;
-        while let Some(wake) =
-            self.session.next_wake().map(|wake| wake.as_nanos().div_ceil(1_000_000)).filter(|it| *it <= until)
+        while let Some(wake) = self
+            .session
+            .next_wake()
+            .map(|wake| wake.as_nanos().div_ceil(1_000_000))
+            .filter(|it| *it <= until)
         {
             self.millis = wake.max(self.millis);
             self.session.tick(self.at());
             self.acts();
-            assert!(self.session.next_wake().is_none_or(|next| next > self.at().mono), "woken for ever");
+            assert!(
+                self.session
+                    .next_wake()
+                    .is_none_or(|next| next > self.at().mono),
+                "woken for ever"
+            );
         }
         self.millis = until;
         self.acts();
@@ -240,13 +334,23 @@ impl Rig {
             match &act {
                 Act::Publish(it) if it.topic == PROBE => {
                     let payload = it.payload.clone();
-                    self.session.handle(self.at(), Event::Message(message(PROBE, &payload, false, false)));
+                    self.session.handle(
+                        self.at(),
+                        Event::Message(message(PROBE, &payload, false, false)),
+                    );
                 }
                 Act::Publish(publication) => self.check_publication(publication),
                 Act::ToLine(ToLine::Command(_, request)) => self.tickets.push(request.ticket),
-                Act::Keep(_, attempt) => assert!(attempt.report.is_some(), "no end follows: {attempt:?}"),
-                Act::ToLine(ToLine::Read(..) | ToLine::PathOpened) => panic!("no host asks for this: {act:?}"),
-                Act::Subscribe(_) | Act::ToLine(ToLine::PathAlive) | Act::Reconnect(_) | Act::Leave(_) => {}
+                Act::Keep(_, attempt) => {
+                    assert!(attempt.report.is_some(), "no end follows: {attempt:?}")
+                }
+                Act::ToLine(ToLine::Read(..) | ToLine::PathOpened) => {
+                    panic!("no host asks for this: {act:?}")
+                }
+                Act::Subscribe(_)
+                | Act::ToLine(ToLine::PathAlive)
+                | Act::Reconnect(_)
+                | Act::Leave(_) => {}
             }
             all.push(act);
             assert!(all.len() < ACTS_MAX, "no end of acts");
@@ -257,7 +361,10 @@ impl Rig {
     fn check_publication(&mut self, it: &Publication) {
         assert!(it.topic.starts_with("spBv1.0/g/") && !it.retain, "{it:?}");
         let most = self.broker.maximum_packet_bytes.unwrap_or(usize::MAX);
-        assert!(it.topic.len() + it.payload.len() <= most, "too large for the broker: {it:?}");
+        assert!(
+            it.topic.len() + it.payload.len() <= most,
+            "too large for the broker: {it:?}"
+        );
         let payload = Payload::parse(&it.payload).expect("a payload");
         let seq = payload.seq.expect("a number");
         let is_birth = it.topic.contains("/NBIRTH/");
@@ -268,11 +375,24 @@ impl Rig {
 }
 
 fn message<'a>(topic: &'a str, payload: &'a [u8], retain: bool, duplicate: bool) -> Message<'a> {
-    Message { topic, payload, retain, duplicate, expiry: None, response_topic: None, correlation: None }
+    Message {
+        topic,
+        payload,
+        retain,
+        duplicate,
+        expiry: None,
+        response_topic: None,
+        correlation: None,
+    }
 }
 
 /// The moment `millis` milliseconds after the start of the clock.
 fn moment(millis: u64) -> Moment {
     let since = i64::try_from(millis).expect("a moment");
-    Moment { mono: MonoTime::from_millis(millis), wall: WallTime { unix_ms: EPOCH_MS + since } }
+    Moment {
+        mono: MonoTime::from_millis(millis),
+        wall: WallTime {
+            unix_ms: EPOCH_MS + since,
+        },
+    }
 }

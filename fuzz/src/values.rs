@@ -23,8 +23,15 @@ pub fn run(bytes: &[u8]) {
     other_kinds(text);
     if let Some(name) = Name::new(text) {
         let topic = Path::new("base").join(name.as_str());
-        assert!((name.as_str(), name.as_str().len() <= Name::MAX_CHARS) == (text, true), "{text}");
-        assert_eq!(topic.components().count(), if text == "." { 1 } else { 2 }, "{text} is more than one level");
+        assert!(
+            (name.as_str(), name.as_str().len() <= Name::MAX_CHARS) == (text, true),
+            "{text}"
+        );
+        assert_eq!(
+            topic.components().count(),
+            if text == "." { 1 } else { 2 },
+            "{text} is more than one level"
+        );
     }
     if let Err(error) = text.parse::<FaultPlan>() {
         assert!(!error.to_string().is_empty());
@@ -46,7 +53,12 @@ fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
         OptionalKey::Valid(written) => Some(written.value),
         OptionalKey::Absent => panic!("`v` stands there"),
         OptionalKey::Invalid => {
-            assert!(problems.iter().any(|problem| problem.key == "v" && problem.right.is_some()), "{problems:?}");
+            assert!(
+                problems
+                    .iter()
+                    .any(|problem| problem.key == "v" && problem.right.is_some()),
+                "{problems:?}"
+            );
             None
         }
     }
@@ -56,16 +68,24 @@ fn read<T>(text: &str, kind: &Kind<'_, T>) -> Option<T> {
 fn time(text: &str) {
     let kind = Kind::duration(TIMES);
     for quoted in [text.to_owned(), format!("'{text}'")] {
-        let Some(time) = read(&quoted, &kind) else { continue };
+        let Some(time) = read(&quoted, &kind) else {
+            continue;
+        };
         assert!(TIMES.contains(&time), "{time:?}");
-        assert_eq!(read(&format!("'{}'", duration_text(time)), &kind), Some(time));
+        assert_eq!(
+            read(&format!("'{}'", duration_text(time)), &kind),
+            Some(time)
+        );
     }
 }
 
 fn number(text: &str) {
     if let Some(number) = read(text, &Kind::number(NUMBERS)) {
         assert!(NUMBERS.contains(&number));
-        assert_eq!(read(&format!("{number:#x}"), &Kind::number(NUMBERS)), Some(number));
+        assert_eq!(
+            read(&format!("{number:#x}"), &Kind::number(NUMBERS)),
+            Some(number)
+        );
     }
     if let Some(decimal) = read(text, &Kind::decimal(DECIMALS)) {
         assert!(DECIMALS.contains(&decimal), "{decimal}");
@@ -81,7 +101,10 @@ fn frequency(text: &str) {
         assert_eq!(Hertz::parse(&hertz.to_string()), Ok(hertz), "{text}");
         for scale in [1, 10, 100] {
             let word = hertz.to_word(scale);
-            assert!(word.is_none_or(|word| Hertz::from_word(word, scale) == hertz), "{text} at {scale}");
+            assert!(
+                word.is_none_or(|word| Hertz::from_word(word, scale) == hertz),
+                "{text} at {scale}"
+            );
         }
     }
 }
@@ -90,5 +113,8 @@ fn other_kinds(text: &str) {
     read(text, &Kind::flag());
     read(text, &Kind::text().or_word("auto"));
     let parity = read(&format!("'{text}'"), &Kind::one_of(&PARITIES));
-    assert!(parity.is_none() || PARITIES.iter().any(|(word, _)| *word == text), "{text}");
+    assert!(
+        parity.is_none() || PARITIES.iter().any(|(word, _)| *word == text),
+        "{text}"
+    );
 }

@@ -19,7 +19,10 @@ pub struct Args {
 /// Runs the broker until SIGINT, SIGTERM or the end of standard input: a broker that another program started with a
 /// pipe exits with it. To run it by itself without a terminal, give it an input that does not end.
 pub fn broker(args: &Args) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let done = runtime.block_on(async {
         let told = told_to_end().map_err(Failure::failed)?;
         let listening = broker::listen(args.listen).await.map_err(Failure::failed)?;
@@ -38,11 +41,13 @@ pub fn broker(args: &Args) -> Result<(), Failure> {
 /// Completes when standard input has ended. Its thread exits with the process.
 fn input_closed() -> io::Result<oneshot::Receiver<()>> {
     let (sender, receiver) = oneshot::channel();
-    std::thread::Builder::new().name("input".to_owned()).spawn(move || {
-        let mut buffer = [0; 256];
-        while matches!(io::stdin().lock().read(&mut buffer), Ok(read) if read > 0) {}
-        // The broker may have exited for another reason.
-        let _ = sender.send(());
-    })?;
+    std::thread::Builder::new()
+        .name("input".to_owned())
+        .spawn(move || {
+            let mut buffer = [0; 256];
+            while matches!(io::stdin().lock().read(&mut buffer), Ok(read) if read > 0) {}
+            // The broker may have exited for another reason.
+            let _ = sender.send(());
+        })?;
     Ok(receiver)
 }

@@ -49,7 +49,11 @@ pub struct Args {
 /// Makes a certificate for this host in `dir`, for a page on `port`, and returns what is to be done with it.
 pub(super) fn make_certificate(dir: &Path, names: &[String], port: u16) -> Result<String, Failure> {
     let now = clock::wall();
-    let names = if names.is_empty() { own_names() } else { names.to_vec() };
+    let names = if names.is_empty() {
+        own_names()
+    } else {
+        names.to_vec()
+    };
     renewed(dir, &names, now, CERTIFICATE_DAYS_MAX, port)
 }
 
@@ -58,13 +62,19 @@ pub fn certificate(args: &Args) -> Result<(), Failure> {
     let now = clock::wall();
     let last = last(&args.dir.join(PAGE))?;
     if let (Some(within), Some(last)) = (args.renew_within, &last) {
-        let ends_within = last.until.unix_ms.saturating_sub(now.unix_ms) < within * calendar::DAY_MS;
+        let ends_within =
+            last.until.unix_ms.saturating_sub(now.unix_ms) < within * calendar::DAY_MS;
         if !ends_within {
-            return print(&format!("valid until {}: not renewed\n", calendar::day(last.until)));
+            return print(&format!(
+                "valid until {}: not renewed\n",
+                calendar::day(last.until)
+            ));
         }
     }
     let names = match (&args.names, last) {
-        (given, _) if !given.is_empty() => given.iter().map(|name| name.to_ascii_lowercase()).collect(),
+        (given, _) if !given.is_empty() => {
+            given.iter().map(|name| name.to_ascii_lowercase()).collect()
+        }
         (_, Some(last)) => last.names,
         _ => own_names(),
     };
@@ -72,23 +82,36 @@ pub fn certificate(args: &Args) -> Result<(), Failure> {
 }
 
 /// The certificate for `names`, with what is to be done with it.
-fn renewed(dir: &Path, names: &[String], now: WallTime, days: i64, port: u16) -> Result<String, Failure> {
+fn renewed(
+    dir: &Path,
+    names: &[String],
+    now: WallTime,
+    days: i64,
+    port: u16,
+) -> Result<String, Failure> {
     make_directory(dir)?;
     let (authority, own) = open_or_generate(dir, names, now)?;
     let page = issue(&authority, &own, names, now, days)?;
     let file = dir.join(PAGE);
-    whole_files::replace(&file, page.as_bytes(), Readers::Group).map_err(|error| at(&file, error))?;
+    whole_files::replace(&file, page.as_bytes(), Readers::Group)
+        .map_err(|error| at(&file, error))?;
     report(dir, port, names, last_or_fail(&file)?.until)
 }
 
 /// Facts of the certificate in `file`; `None` if there is no such file.
 fn last(file: &Path) -> Result<Option<Facts>, Failure> {
-    if !file.try_exists().map_err(|error| at(file, error))? { Ok(None) } else { last_or_fail(file).map(Some) }
+    if !file.try_exists().map_err(|error| at(file, error))? {
+        Ok(None)
+    } else {
+        last_or_fail(file).map(Some)
+    }
 }
 
 fn last_or_fail(file: &Path) -> Result<Facts, Failure> {
     let chain = pem_files::certificates(file).map_err(Failure::failed)?;
-    let leaf = chain.first().ok_or_else(|| at(file, "it contains no certificate"))?;
+    let leaf = chain
+        .first()
+        .ok_or_else(|| at(file, "it contains no certificate"))?;
     authority::facts(leaf).map_err(|error| at(file, error))
 }
 
@@ -97,14 +120,21 @@ fn make_directory(dir: &Path) -> Result<(), Failure> {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let parent = dir.parent().unwrap_or(Path::new("/")).display();
-            Err(at(dir, format!("its parent does not exist; make it: install -d -m 750 {parent}")))
+            Err(at(
+                dir,
+                format!("its parent does not exist; make it: install -d -m 750 {parent}"),
+            ))
         }
         done => done.map_err(|error| at(dir, error)),
     }
 }
 
 /// The authority in `dir`, and its certificate in PEM. A new one can sign for `names`.
-fn open_or_generate(dir: &Path, names: &[String], now: WallTime) -> Result<(Authority, String), Failure> {
+fn open_or_generate(
+    dir: &Path,
+    names: &[String],
+    now: WallTime,
+) -> Result<(Authority, String), Failure> {
     let file = dir.join(AUTHORITY);
     let key_file = dir.join(AUTHORITY_KEY);
     let certificate = match user_files::text(&file, BYTES_MAX) {
@@ -112,32 +142,50 @@ fn open_or_generate(dir: &Path, names: &[String], now: WallTime) -> Result<(Auth
         read => read.map_err(|error| at(&file, error))?,
     };
     let own = pem_files::certificates(&file).map_err(Failure::failed)?;
-    let own = own.first().ok_or_else(|| at(&file, "it contains no certificate"))?;
+    let own = own
+        .first()
+        .ok_or_else(|| at(&file, "it contains no certificate"))?;
     authority::may_sign(own, names).map_err(|error| {
         let right = "right is another `--dir`, whose authority the clients then have to install";
         at(&file, format!("{error}; {right}"))
     })?;
-    let key = user_files::text(&key_file, BYTES_MAX)
-        .map_err(|error| at(&key_file, format!("{error}; it is needed for a renewal: run this where it is kept")))?;
-    let authority = Authority::from_pem(&certificate, &key).map_err(|error| at(&key_file, error))?;
+    let key = user_files::text(&key_file, BYTES_MAX).map_err(|error| {
+        at(
+            &key_file,
+            format!("{error}; it is needed for a renewal: run this where it is kept"),
+        )
+    })?;
+    let authority =
+        Authority::from_pem(&certificate, &key).map_err(|error| at(&key_file, error))?;
     Ok((authority, certificate))
 }
 
 fn generate(dir: &Path, names: &[String], now: WallTime) -> Result<(Authority, String), Failure> {
-    let title = format!("vfd-gateway authority of {}", names.first().map_or("this host", String::as_str));
+    let title = format!(
+        "vfd-gateway authority of {}",
+        names.first().map_or("this host", String::as_str)
+    );
     let (authority, issued) = Authority::generate(&title, names, now).map_err(Failure::wrong)?;
     // A name that cannot be certified leaves nothing behind.
     authority.issue(names, now, 1).map_err(Failure::wrong)?;
     let key_file = dir.join(AUTHORITY_KEY);
     let file = dir.join(AUTHORITY);
     // The key first: an authority without one could never renew.
-    whole_files::create(&key_file, issued.key.as_bytes(), Readers::Owner).map_err(|error| at(&key_file, error))?;
-    whole_files::create(&file, issued.certificate.as_bytes(), Readers::All).map_err(|error| at(&file, error))?;
+    whole_files::create(&key_file, issued.key.as_bytes(), Readers::Owner)
+        .map_err(|error| at(&key_file, error))?;
+    whole_files::create(&file, issued.certificate.as_bytes(), Readers::All)
+        .map_err(|error| at(&file, error))?;
     Ok((authority, issued.certificate))
 }
 
 /// The file of the page.
-fn issue(authority: &Authority, own: &str, names: &[String], now: WallTime, days: i64) -> Result<String, Failure> {
+fn issue(
+    authority: &Authority,
+    own: &str,
+    names: &[String],
+    now: WallTime,
+    days: i64,
+) -> Result<String, Failure> {
     let Issued { certificate, key } = authority.issue(names, now, days).map_err(Failure::wrong)?;
     Ok(format!("{key}{certificate}{own}"))
 }
@@ -160,7 +208,11 @@ fn own_address() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     // A documentation address (RFC 5737).
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;
-    socket.local_addr().ok().map(|address| address.ip()).filter(|address| !address.is_loopback())
+    socket
+        .local_addr()
+        .ok()
+        .map(|address| address.ip())
+        .filter(|address| !address.is_loopback())
 }
 
 fn report(dir: &Path, port: u16, names: &[String], until: WallTime) -> Result<String, Failure> {
@@ -190,9 +242,17 @@ fn report(dir: &Path, port: u16, names: &[String], until: WallTime) -> Result<St
 
 /// The name that other hosts can use most likely, as part of a URL.
 fn host(names: &[String]) -> String {
-    let is_local =
-        |name: &str| name == "localhost" || name.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
-    let name = names.iter().find(|name| !is_local(name)).or(names.first()).map_or("localhost", String::as_str);
+    let is_local = |name: &str| {
+        name == "localhost"
+            || name
+                .parse::<IpAddr>()
+                .is_ok_and(|address| address.is_loopback())
+    };
+    let name = names
+        .iter()
+        .find(|name| !is_local(name))
+        .or(names.first())
+        .map_or("localhost", String::as_str);
     match name.parse() {
         Ok(IpAddr::V6(address)) => format!("[{address}]"),
         _ => name.to_owned(),
@@ -202,7 +262,11 @@ fn host(names: &[String]) -> String {
 /// `text` as a QR code of block characters, for a terminal with a dark background. Phones read both.
 fn code(text: &str) -> Result<String, Failure> {
     let code = QrCode::new(text).map_err(Failure::failed)?;
-    Ok(code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build())
+    Ok(code
+        .render::<Dense1x2>()
+        .dark_color(Dense1x2::Light)
+        .light_color(Dense1x2::Dark)
+        .build())
 }
 
 fn at(file: &Path, what: impl Display) -> Failure {

@@ -44,7 +44,11 @@ pub struct Args {
 /// Checks the configuration and prints its meaning, after warnings about what has no effect.
 pub fn check(args: &Args) -> Result<(), Failure> {
     let (loaded, text) = input::looked_through(&args.config)?;
-    let of_this = |problems| Findings { path: args.config.clone(), text, problems };
+    let of_this = |problems| Findings {
+        path: args.config.clone(),
+        text,
+        problems,
+    };
     let (config, found) = match loaded {
         Ok(config) => {
             let warnings = config.warnings.clone();
@@ -54,7 +58,9 @@ pub fn check(args: &Args) -> Result<(), Failure> {
     };
     if args.json {
         print(&format!("{}\n", findings_json(&found, config.is_ok())))?;
-        return config.map(drop).map_err(|_| Failure::wrong("the configuration cannot be used"));
+        return config
+            .map(drop)
+            .map_err(|_| Failure::wrong("the configuration cannot be used"));
     }
     let config = config?;
     if !config.warnings.is_empty() {
@@ -63,7 +69,11 @@ pub fn check(args: &Args) -> Result<(), Failure> {
     if args.verbose {
         return print(&report(&config));
     }
-    print(&format!("{}: OK\n{}", args.config.display(), summary::summary(&config)))
+    print(&format!(
+        "{}: OK\n{}",
+        args.config.display(),
+        summary::summary(&config)
+    ))
 }
 
 /// The findings, for programs.
@@ -80,7 +90,9 @@ fn findings_json(found: &[Findings], is_usable: bool) -> Value {
             "right": problem.right,
         })
     };
-    let problems = found.iter().flat_map(|of| of.problems.iter().map(move |it| problem(of, it)));
+    let problems = found
+        .iter()
+        .flat_map(|of| of.problems.iter().map(move |it| problem(of, it)));
     json!({ "usable": is_usable, "problems": problems.collect::<Vec<_>>() })
 }
 
@@ -101,7 +113,10 @@ fn report(config: &Config) -> String {
 
 fn of_master(master: &SerialMasterSettings) -> String {
     let framing = word_for(&FRAMINGS, &master.framing);
-    let may = match (master.serving.write.is_empty(), master.serving.stop.as_ref()) {
+    let may = match (
+        master.serving.write.is_empty(),
+        master.serving.stop.as_ref(),
+    ) {
         (false, _) => "may write",
         (true, Some(stop)) if !stop.is_empty() => "may read and stop",
         _ => "may read",
@@ -117,7 +132,11 @@ fn of_master(master: &SerialMasterSettings) -> String {
 }
 
 const fn of_memory(listener: &ListenerSettings) -> &'static str {
-    if listener.cached { "; native reads may be answered from memory" } else { "" }
+    if listener.cached {
+        "; native reads may be answered from memory"
+    } else {
+        ""
+    }
 }
 
 /// The ways in beside Modbus TCP, a row each.
@@ -140,47 +159,90 @@ fn beside_modbus(config: &Config) -> String {
 
 fn of_listener(listener: &ListenerSettings) -> String {
     // A right that no role grants is granted to no client, from whatever address.
-    let is_granted = |is: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(is));
-    let networks = |networks: &[IpNet], is| if is_granted(is) { list(networks) } else { String::new() };
+    let is_granted = |is: fn(&Rights) -> bool| {
+        listener
+            .tls
+            .as_ref()
+            .is_none_or(|tls| tls.roles.values().any(is))
+    };
+    let networks = |networks: &[IpNet], is| {
+        if is_granted(is) {
+            list(networks)
+        } else {
+            String::new()
+        }
+    };
     let write = networks(&listener.write, |rights| rights.write);
-    let stop = networks(listener.stop.as_ref().unwrap_or(&listener.write), |rights| rights.stop);
+    let stop = networks(
+        listener.stop.as_ref().unwrap_or(&listener.write),
+        |rights| rights.stop,
+    );
     let rights = match (write.is_empty(), stop.is_empty()) {
         (true, true) => "read-only".to_owned(),
         (true, false) => format!("read-only, except that {stop} may stop"),
         (false, _) if write == stop => format!("{write} may write and stop"),
         (false, _) => format!("{write} may write, {stop} may stop"),
     };
-    let roles = listener.tls.as_ref().map_or("", |_| ", each as far as the role in its certificate grants it");
-    let renew = if listener.reads_renew { "; reads renew a lease" } else { "" };
+    let roles = listener.tls.as_ref().map_or(
+        "",
+        |_| ", each as far as the role in its certificate grants it",
+    );
+    let renew = if listener.reads_renew {
+        "; reads renew a lease"
+    } else {
+        ""
+    };
     let cached = of_memory(listener);
-    let units = listener.units.as_ref().map_or_else(String::new, |units| format!("; units {} only", list(units)));
-    let most = listener.connections_max.map_or_else(String::new, |most| format!("; at most {most} clients"));
+    let units = listener
+        .units
+        .as_ref()
+        .map_or_else(String::new, |units| format!("; units {} only", list(units)));
+    let most = listener
+        .connections_max
+        .map_or_else(String::new, |most| format!("; at most {most} clients"));
     let priority = match &listener.priority[..] {
         [] => String::new(),
         networks => format!("; {} never give way to others", list(networks)),
     };
-    format!("Modbus TCP on {}: {rights}{roles}{renew}{cached}{units}{most}{priority}", listener.listen)
+    format!(
+        "Modbus TCP on {}: {rights}{roles}{renew}{cached}{units}{most}{priority}",
+        listener.listen
+    )
 }
 
 fn of_http(http: &HttpSettings) -> String {
     let scheme = if http.tls.is_some() { "HTTPS" } else { "HTTP" };
     let names: Vec<_> = http.users.iter().map(|user| user.name).collect();
-    let rights =
-        if names.is_empty() { "read-only".to_owned() } else { format!("{} may sign in and command", list(&names)) };
+    let rights = if names.is_empty() {
+        "read-only".to_owned()
+    } else {
+        format!("{} may sign in and command", list(&names))
+    };
     format!("{scheme} on {}: {rights}", http.listen)
 }
 
 fn of_sparkplug(sparkplug: &SparkplugSettings, config: &Config) -> String {
-    let gateway = config.gateway.name.as_ref().map_or("(name of this host)", |name| name.as_str());
+    let gateway = config
+        .gateway
+        .name
+        .as_ref()
+        .map_or("(name of this host)", |name| name.as_str());
     let host = sparkplug.primary_host.as_ref().map_or_else(
         || "no primary host is waited for".to_owned(),
         |host| format!("births wait for the primary host {host}"),
     );
-    format!("Sparkplug B at the same broker: edge node {gateway} of group {}; {host}", sparkplug.group)
+    format!(
+        "Sparkplug B at the same broker: edge node {gateway} of group {}; {host}",
+        sparkplug.group
+    )
 }
 
 fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
-    let gateway = config.gateway.name.as_ref().map_or("(name of this host)", |name| name.as_str());
+    let gateway = config
+        .gateway
+        .name
+        .as_ref()
+        .map_or("(name of this host)", |name| name.as_str());
     format!(
         "MQTT at {}: topics under {}/{gateway}, {} leases",
         mqtt.broker,
@@ -189,16 +251,34 @@ fn of_mqtt(mqtt: &MqttSettings, config: &Config) -> String {
     )
 }
 
-fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSettings>) -> std::fmt::Result {
+fn describe_line(
+    text: &mut String,
+    line: &LineSettings,
+    mqtt: Option<&MqttSettings>,
+) -> std::fmt::Result {
     let (timing, needs_virtual) = line_plan::timing(line);
     let budget = line_plan::budget(line);
-    let framing = if line.framing == Framing::Ascii { ", ASCII frames" } else { "" };
-    writeln!(text, "line {} on {}: {}{framing}", line.name, line.port, link_text(line))?;
+    let framing = if line.framing == Framing::Ascii {
+        ", ASCII frames"
+    } else {
+        ""
+    };
+    writeln!(
+        text,
+        "line {} on {}: {}{framing}",
+        line.name,
+        line.port,
+        link_text(line)
+    )?;
     writeln!(text, "  {}", of_port(line))?;
     if line.framing.has_characters() {
         serial_line(text, line, timing.silence, needs_virtual)?;
     } else if timing.silence > Duration::ZERO {
-        writeln!(text, "  at least {} between a reply and the next request", ms(timing.silence))?;
+        writeln!(
+            text,
+            "  at least {} between a reply and the next request",
+            ms(timing.silence)
+        )?;
     }
     writeln!(
         text,
@@ -208,7 +288,10 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
     )?;
     if budget.use_if_delayed > budget.use_of_line {
         let percent = budget.use_if_delayed * 100.0;
-        writeln!(text, "  and {percent:.1} % where each drive is set to its longest delay of replies")?;
+        writeln!(
+            text,
+            "  and {percent:.1} % where each drive is set to its longest delay of replies"
+        )?;
     }
     refresh(text, line)?;
     if let Some(over_full) = warnings::over_full(line) {
@@ -225,12 +308,25 @@ fn describe_line(text: &mut String, line: &LineSettings, mqtt: Option<&MqttSetti
 
 /// `9600 8N1`, or that there is none.
 fn link_text(line: &LineSettings) -> String {
-    if line.framing.has_characters() { line.link.to_string() } else { "Modbus TCP".to_owned() }
+    if line.framing.has_characters() {
+        line.link.to_string()
+    } else {
+        "Modbus TCP".to_owned()
+    }
 }
 
 /// The silence of a serial line, and its echo.
-fn serial_line(text: &mut String, line: &LineSettings, silence: Duration, needs_virtual: bool) -> std::fmt::Result {
-    let shorter = if needs_virtual { " (shorter than the drives need: pseudo-terminal or tcp:// only)" } else { "" };
+fn serial_line(
+    text: &mut String,
+    line: &LineSettings,
+    silence: Duration,
+    needs_virtual: bool,
+) -> std::fmt::Result {
+    let shorter = if needs_virtual {
+        " (shorter than the drives need: pseudo-terminal or tcp:// only)"
+    } else {
+        ""
+    };
     writeln!(text, "  silence before each frame {}{shorter}", ms(silence))?;
     let echo = match line.echo {
         EchoPolicy::Refuse => "an echo of the adapter takes the line down",
@@ -241,20 +337,36 @@ fn serial_line(text: &mut String, line: &LineSettings, silence: Duration, needs_
 
 /// How long it takes to read everything once, beside the shortest way that the models allow.
 fn refresh(text: &mut String, line: &LineSettings) -> std::fmt::Result {
-    let Refresh { reads, time, shortest_reads, shortest_time } = line_plan::refresh(line);
+    let Refresh {
+        reads,
+        time,
+        shortest_reads,
+        shortest_time,
+    } = line_plan::refresh(line);
     if reads == 0 {
         return Ok(());
     }
     let beside = match time == shortest_time {
         true => "the shortest that the models allow".to_owned(),
-        false => format!("the models allow {shortest_reads} reads of {}", ms(shortest_time)),
+        false => format!(
+            "the models allow {shortest_reads} reads of {}",
+            ms(shortest_time)
+        ),
     };
-    writeln!(text, "  all polled registers once take {reads} reads and {}: {beside}", ms(time))
+    writeln!(
+        text,
+        "  all polled registers once take {reads} reads and {}: {beside}",
+        ms(time)
+    )
 }
 
 /// What each drive costs the stops of the others, where it is the one that sets their bound.
 fn neighbours(text: &mut String, line: &LineSettings) -> std::fmt::Result {
-    let StopBounds { all_healthy, one_silent, .. } = line_plan::stop_bounds(line);
+    let StopBounds {
+        all_healthy,
+        one_silent,
+        ..
+    } = line_plan::stop_bounds(line);
     if line.drives.len() < 2 {
         return Ok(());
     }
@@ -262,20 +374,42 @@ fn neighbours(text: &mut String, line: &LineSettings) -> std::fmt::Result {
         let without = line_plan::stop_bounds_without(line, place);
         if without.all_healthy < all_healthy || without.one_silent < one_silent {
             let [all, one] = [without.all_healthy, without.one_silent].map(ms);
-            writeln!(text, "  without {} on this line these bounds would be {all} and {one}", drive.name)?;
+            writeln!(
+                text,
+                "  without {} on this line these bounds would be {all} and {one}",
+                drive.name
+            )?;
         }
     }
     Ok(())
 }
 
 fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
-    let StopBounds { all_healthy, one_silent, each_further } = line_plan::stop_bounds(line);
-    writeln!(text, "  a stop starts at most {} after it is accepted while every drive answers,", ms(all_healthy))?;
-    let beside =
-        if line.framing.has_characters() { "" } else { "; what the network and a converter take comes on top" };
-    writeln!(text, "  and at most {} after it with a drive that does not{beside}", ms(one_silent))?;
+    let StopBounds {
+        all_healthy,
+        one_silent,
+        each_further,
+    } = line_plan::stop_bounds(line);
+    writeln!(
+        text,
+        "  a stop starts at most {} after it is accepted while every drive answers,",
+        ms(all_healthy)
+    )?;
+    let beside = if line.framing.has_characters() {
+        ""
+    } else {
+        "; what the network and a converter take comes on top"
+    };
+    writeln!(
+        text,
+        "  and at most {} after it with a drive that does not{beside}",
+        ms(one_silent)
+    )?;
     let deaf = |drive: &DriveSettings| {
-        let deaf = drive.control.as_ref().map(|_| drive.model.longest_deafness())?;
+        let deaf = drive
+            .control
+            .as_ref()
+            .map(|_| drive.model.longest_deafness())?;
         (deaf > Duration::ZERO).then(|| format!("{} for {}", drive.name, ms(deaf)))
     };
     let deaf: Vec<_> = line.drives.iter().filter_map(deaf).collect();
@@ -287,13 +421,22 @@ fn stops(text: &mut String, line: &LineSettings) -> std::fmt::Result {
         )?;
     }
     match line_plan::missing_reply_costs(line) {
-        Duration::ZERO => writeln!(text, "  a missing reply does not delay its confirmation: replies are numbered")?,
-        costs => {
-            writeln!(text, "  its confirmation takes at most {} longer if a reply is missing or damaged", ms(costs))?
-        }
+        Duration::ZERO => writeln!(
+            text,
+            "  a missing reply does not delay its confirmation: replies are numbered"
+        )?,
+        costs => writeln!(
+            text,
+            "  its confirmation takes at most {} longer if a reply is missing or damaged",
+            ms(costs)
+        )?,
     }
     if line.drives.len() > 1 {
-        writeln!(text, "  each further stop at the same time adds up to {}", ms(each_further))?;
+        writeln!(
+            text,
+            "  each further stop at the same time adds up to {}",
+            ms(each_further)
+        )?;
     }
     Ok(())
 }
@@ -321,7 +464,11 @@ fn of_port(line: &LineSettings) -> String {
         (_, DirectionControl::Kernel) => ", direction turned by the driver (TIOCSRS485)",
         (_, DirectionControl::Rts) => ", direction turned by the gateway with RTS",
     };
-    let latency = if line.low_latency { "asked for" } else { "left as it is" };
+    let latency = if line.low_latency {
+        "asked for"
+    } else {
+        "left as it is"
+    };
     format!("serial device: {interface}{direction}; low latency {latency}")
 }
 
@@ -336,7 +483,10 @@ mod tests {
         let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let found = super::report(&config::load(text, &catalog).unwrap());
-        let path = format!("{}/tests/golden/config/several_vendors.txt", env!("CARGO_MANIFEST_DIR"));
+        let path = format!(
+            "{}/tests/golden/config/several_vendors.txt",
+            env!("CARGO_MANIFEST_DIR")
+        );
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();
         }
@@ -356,11 +506,11 @@ mod tests {
             super::report(&config::load(&format!("{line}{control}"), &catalog).unwrap())
         };
         let found = told(text);
-        let deaf =
-            "  a drive that hears nothing after a write gets it again as soon as it can hear: pump for 1000 ms\n";
+        let deaf = "  a drive that hears nothing after a write gets it again as soon as it can hear: pump for 1000 ms\n";
         assert!(found.contains(deaf), "{found}");
         // A stored write with an assumed processing time of 10 ms, and the pause after it.
-        let starts = "  a stop starts at most 230 ms after it is accepted while every drive answers,\n";
+        let starts =
+            "  a stop starts at most 230 ms after it is accepted while every drive answers,\n";
         assert!(found.contains(starts), "{found}");
         assert!(!told(&text.replace("deaf_after = \"1s\"", "")).contains("hears nothing"));
     }
@@ -369,7 +519,8 @@ mod tests {
     fn a_listener_is_reported_with_its_limits() {
         let catalog = vendors::catalog();
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
-        let limits = "units = [1]\nconnections_max = 9\npriority = [\"127.0.0.1/32\"]\n[[modbus_tcp]]";
+        let limits =
+            "units = [1]\nconnections_max = 9\npriority = [\"127.0.0.1/32\"]\n[[modbus_tcp]]";
         let listener = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1\"\n{limits}");
         let text = text.replacen("[[modbus_tcp]]", &listener, 1);
         let found = super::report(&config::load(&text, &catalog).unwrap());
@@ -383,20 +534,35 @@ mod tests {
         let text = include_str!("../../tests/golden/config/several_vendors.toml");
         let told = |allow: &str, write: &str| {
             let lists = format!("listen = \"0.0.0.0:1\"\nallow = [{allow}]\nwrite = [{write}]");
-            let text = text.replacen("[[modbus_tcp]]", &format!("[[modbus_tcp]]\n{lists}\n[[modbus_tcp]]"), 1);
+            let text = text.replacen(
+                "[[modbus_tcp]]",
+                &format!("[[modbus_tcp]]\n{lists}\n[[modbus_tcp]]"),
+                1,
+            );
             super::report(&config::load(&text, &catalog).unwrap())
         };
         for (allow, write, named) in [
             ("'172.17.0.1/32'", "'172.17.0.1/32'", "172.17.0.1/32"),
-            ("'172.17.0.0/16', '10.0.0.0/24'", "'10.0.0.7/32'", "172.17.0.0/16"),
+            (
+                "'172.17.0.0/16', '10.0.0.0/24'",
+                "'10.0.0.7/32'",
+                "172.17.0.0/16",
+            ),
             ("'10.0.0.0/8'", "'10.88.0.1/32'", "10.88.0.1/32"),
         ] {
             let found = told(allow, write);
-            assert!(found.contains(&format!("\n  warning: {named}: behind the bridge of a container")), "{found}");
+            assert!(
+                found.contains(&format!(
+                    "\n  warning: {named}: behind the bridge of a container"
+                )),
+                "{found}"
+            );
         }
-        for (allow, write) in
-            [("'10.0.0.0/8'", "'10.0.0.7/32'"), ("'172.16.0.0/12'", "'172.18.0.0/24'"), ("'::/0'", "")]
-        {
+        for (allow, write) in [
+            ("'10.0.0.0/8'", "'10.0.0.7/32'"),
+            ("'172.16.0.0/12'", "'172.18.0.0/24'"),
+            ("'::/0'", ""),
+        ] {
             assert!(!told(allow, write).contains("bridge"), "{allow}");
         }
     }
@@ -410,12 +576,20 @@ mod tests {
                 "[[modbus_tcp]]\nlisten = \"127.0.0.1:802\"\n[modbus_tcp.tls]\n\
                  client_ca_file = \"/ca\"\ncert_file = \"/cert\"\nkey_file = \"/key\"\nroles = {{ {roles} }}\n[[modbus_tcp]]"
             );
-            super::report(&config::load(&text.replacen("[[modbus_tcp]]", &tls, 1), &catalog).unwrap())
+            super::report(
+                &config::load(&text.replacen("[[modbus_tcp]]", &tls, 1), &catalog).unwrap(),
+            )
         };
         let found = told("operator = [\"write\", \"stop\"]");
-        assert!(found.contains("802: 0.0.0.0/0, ::/0 may write and stop, each as far as"), "{found}");
+        assert!(
+            found.contains("802: 0.0.0.0/0, ::/0 may write and stop, each as far as"),
+            "{found}"
+        );
         let found = told("\"on call\" = [\"stop\"]");
-        assert!(found.contains("802: read-only, except that 0.0.0.0/0, ::/0 may stop, each as far as"), "{found}");
+        assert!(
+            found.contains("802: read-only, except that 0.0.0.0/0, ::/0 may stop, each as far as"),
+            "{found}"
+        );
         let found = told("watcher = []");
         assert!(found.contains("802: read-only, each as far as"), "{found}");
     }

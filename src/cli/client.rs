@@ -52,7 +52,9 @@ const fn sentence(code: u8) -> &'static str {
         2 => "there is no such register here, or it is not listed as writable",
         3 => "the value or the count is not allowed",
         4 => "the drive refused",
-        6 => "not now: another client holds control, a start is inhibited, a stop is pending, or a queue is full",
+        6 => {
+            "not now: another client holds control, a start is inhibited, a stop is pending, or a queue is full"
+        }
         0x0A => "there is no such unit, or its line is down",
         0x0B => "the drive did not answer in time",
         _ => "the drive answered with a vendor-specific code",
@@ -78,7 +80,10 @@ impl Way {
                 let (ours, theirs) = StdUnixStream::pair()?;
                 ours.set_nonblocking(true)?;
                 theirs.set_nonblocking(true)?;
-                connections.send(theirs).await.map_err(|_| io::Error::from(io::ErrorKind::ConnectionRefused))?;
+                connections
+                    .send(theirs)
+                    .await
+                    .map_err(|_| io::Error::from(io::ErrorKind::ConnectionRefused))?;
                 Ok(tcp::attach_slave(UnixStream::from_std(ours)?, unit))
             }
         }
@@ -95,7 +100,11 @@ pub struct Client {
 impl Client {
     /// A client that has not connected yet.
     pub const fn new(way: Way, unit: u8) -> Self {
-        Self { way, unit, connection: None }
+        Self {
+            way,
+            unit,
+            connection: None,
+        }
     }
 
     /// Reads `count` words from the holding register `address` on.
@@ -152,7 +161,9 @@ impl Client {
         let connected = timeout(PATIENCE, self.way.connect(Slave(self.unit))).await;
         match connected.unwrap_or_else(|_| Err(io::ErrorKind::TimedOut.into())) {
             Ok(context) => Ok(context),
-            Err(error) => Err(NoAnswer::Unreachable(self.place(format!("cannot connect: {error}")))),
+            Err(error) => Err(NoAnswer::Unreachable(
+                self.place(format!("cannot connect: {error}")),
+            )),
         }
     }
 
@@ -196,7 +207,11 @@ pub fn address(text: &str) -> Result<u16, String> {
         Some(digits) => u16::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    number.map_err(|_| format!("{text} is not a register: expected a number from 0 to 65535, such as 0x0101 or 257"))
+    number.map_err(|_| {
+        format!(
+            "{text} is not a register: expected a number from 0 to 65535, such as 0x0101 or 257"
+        )
+    })
 }
 
 /// A word of the uniform map.
@@ -232,12 +247,20 @@ pub enum Form {
 impl UniformWord {
     /// How many words it takes.
     pub const fn words(self) -> u16 {
-        if matches!(self.form, Form::Wide(..)) { 2 } else { 1 }
+        if matches!(self.form, Form::Wide(..)) {
+            2
+        } else {
+            1
+        }
     }
 }
 
 const fn word(name: &'static str, address: u16, form: Form) -> UniformWord {
-    UniformWord { name, address, form }
+    UniformWord {
+        name,
+        address,
+        form,
+    }
 }
 
 /// The uniform map: what is read, then what is written and read back.
@@ -246,7 +269,11 @@ pub const UNIFORM: &[UniformWord] = &[
     word("status", 1, Form::Status),
     word("run_state", 2, Form::RunState),
     word("trip_code", 3, Form::Number(1, UnitOfMeasure::None)),
-    word("output_frequency", 4, Form::Number(100, UnitOfMeasure::Hertz)),
+    word(
+        "output_frequency",
+        4,
+        Form::Number(100, UnitOfMeasure::Hertz),
+    ),
     word("setpoint", 5, Form::Number(100, UnitOfMeasure::Hertz)),
     word("current", 6, Form::Number(10, UnitOfMeasure::Ampere)),
     word("voltage", 7, Form::Number(10, UnitOfMeasure::Volt)),
@@ -260,7 +287,11 @@ pub const UNIFORM: &[UniformWord] = &[
     word("status_mask", 15, Form::Status),
     word("life", 16, Form::Count),
     word("alarms", 17, Form::Count),
-    word("lease_left", LEASE_LEFT, Form::Number(1, UnitOfMeasure::Second)),
+    word(
+        "lease_left",
+        LEASE_LEFT,
+        Form::Number(1, UnitOfMeasure::Second),
+    ),
     word("owner", 19, Form::Count),
     word("min_frequency", 20, Form::Number(100, UnitOfMeasure::Hertz)),
     word("max_frequency", 21, Form::Number(100, UnitOfMeasure::Hertz)),
@@ -268,12 +299,20 @@ pub const UNIFORM: &[UniformWord] = &[
     word("current_fine", 24, Form::Number(100, UnitOfMeasure::Ampere)),
     word("power_fine", 25, Form::Number(100, UnitOfMeasure::Kilowatt)),
     word("capabilities", 26, Form::Capabilities),
-    word("energy_used", 32, Form::Wide(10, UnitOfMeasure::KilowattHour)),
+    word(
+        "energy_used",
+        32,
+        Form::Wide(10, UnitOfMeasure::KilowattHour),
+    ),
     word("running_hours", 34, Form::Wide(10, UnitOfMeasure::Hour)),
     word("starts", 36, Form::Wide(1, UnitOfMeasure::None)),
     word("total_trips", 38, Form::Wide(1, UnitOfMeasure::None)),
     word("run_command", map::RUN, Form::Count),
-    word("frequency_command", map::SETPOINT, Form::Number(100, UnitOfMeasure::Hertz)),
+    word(
+        "frequency_command",
+        map::SETPOINT,
+        Form::Number(100, UnitOfMeasure::Hertz),
+    ),
     word("outcome", 259, Form::Count),
     word("commands", 260, Form::Count),
     word("reason", REASON, Form::Count),
@@ -303,7 +342,15 @@ const STATUS_BITS: [&str; 14] = [
 ];
 
 /// The capability bits by name, from bit 0 on.
-const CAPABILITY_BITS: [&str; 7] = ["forward", "reverse", "coast", "reset", "frequency", "release", "take"];
+const CAPABILITY_BITS: [&str; 7] = [
+    "forward",
+    "reverse",
+    "coast",
+    "reset",
+    "frequency",
+    "release",
+    "take",
+];
 
 /// All run states.
 const RUN_STATES: [RunState; 8] = [
@@ -319,7 +366,12 @@ const RUN_STATES: [RunState; 8] = [
 
 /// The names of the bits that are set in `word`.
 fn bits_of(word: u16, names: &[&'static str]) -> Vec<&'static str> {
-    names.iter().enumerate().filter(|(bit, _)| word & (1 << bit) != 0).map(|(_, name)| *name).collect()
+    names
+        .iter()
+        .enumerate()
+        .filter(|(bit, _)| word & (1 << bit) != 0)
+        .map(|(_, name)| *name)
+        .collect()
 }
 
 /// A decoded value of the uniform map.
@@ -350,10 +402,15 @@ impl Value {
             Form::Signed(scale, unit) => Self::Number(first.cast_signed().into(), scale, unit),
             Form::Count => Self::Number(first.into(), 1, UnitOfMeasure::None),
             Form::Wide(..) if (first, second) == (u16::MAX, u16::MAX) => Self::Missing,
-            Form::Wide(scale, unit) => Self::Number(i64::from(first) << 16 | i64::from(second), scale, unit),
+            Form::Wide(scale, unit) => {
+                Self::Number(i64::from(first) << 16 | i64::from(second), scale, unit)
+            }
             Form::RunState => {
                 let state = RUN_STATES.iter().find(|state| state.number() == first);
-                state.map_or(Self::Number(first.into(), 1, UnitOfMeasure::None), |state| Self::Word(state.word()))
+                state.map_or(
+                    Self::Number(first.into(), 1, UnitOfMeasure::None),
+                    |state| Self::Word(state.word()),
+                )
             }
             Form::Status => Self::Words(bits_of(first, &STATUS_BITS)),
             Form::Capabilities => Self::Words(bits_of(first, &CAPABILITY_BITS)),
@@ -381,7 +438,11 @@ impl fmt::Display for Value {
             Self::Number(raw, scale, unit) => {
                 let decimals = scale.ilog10() as usize;
                 write!(f, "{:.decimals$}", *raw as f64 / f64::from(*scale))?;
-                if *unit == UnitOfMeasure::None { Ok(()) } else { write!(f, " {unit}") }
+                if *unit == UnitOfMeasure::None {
+                    Ok(())
+                } else {
+                    write!(f, " {unit}")
+                }
             }
             Self::Word(word) => f.write_str(word),
             Self::Words(words) if words.is_empty() => f.write_str("none"),
@@ -427,17 +488,26 @@ mod tests {
         use crate::north::modbus::{MapTable, MapUnit};
         let words = crate::north::modbus::map().iter().filter(|row| {
             let is_word = matches!(row.table, MapTable::Word | MapTable::Holding);
-            row.unit == MapUnit::Uniform && is_word && row.name != "reserved" && row.address != map::RENEW
+            row.unit == MapUnit::Uniform
+                && is_word
+                && row.name != "reserved"
+                && row.address != map::RENEW
         });
         let served: Vec<_> = words.map(|row| (row.address, row.count)).collect();
-        let named: Vec<_> = UNIFORM.iter().map(|word| (word.address, word.words())).collect();
+        let named: Vec<_> = UNIFORM
+            .iter()
+            .map(|word| (word.address, word.words()))
+            .collect();
         assert_eq!(named, served);
     }
 
     #[test]
     fn names_and_addresses_stand_in_the_map_once_and_in_order() {
         for pair in UNIFORM.windows(2) {
-            assert!(pair[0].address + pair[0].words() <= pair[1].address, "{pair:?}");
+            assert!(
+                pair[0].address + pair[0].words() <= pair[1].address,
+                "{pair:?}"
+            );
         }
         let names: std::collections::BTreeSet<_> = UNIFORM.iter().map(|word| word.name).collect();
         assert_eq!(names.len(), UNIFORM.len());
@@ -447,7 +517,10 @@ mod tests {
     fn every_exception_is_a_sentence_with_its_code() {
         for code in 0..=u8::MAX {
             let text = NoAnswer::Exception(code).to_string();
-            assert!(text.contains(&format!("(exception {code:02X})")) && text.len() > 20, "{text}");
+            assert!(
+                text.contains(&format!("(exception {code:02X})")) && text.len() > 20,
+                "{text}"
+            );
         }
     }
 }

@@ -18,5 +18,9 @@ pub fn completions(args: &Args, mut command: clap::Command) -> Result<(), Failur
     // For bash, clap_complete writes a name with a hyphen in two ways (clap issue 6421), and finds no option of a
     // command.
     let [wrong, right] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
-    print(&String::from_utf8(script).map_err(Failure::failed)?.replace(&wrong, &right))
+    print(
+        &String::from_utf8(script)
+            .map_err(Failure::failed)?
+            .replace(&wrong, &right),
+    )
 }

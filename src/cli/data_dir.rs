@@ -20,9 +20,17 @@ impl DataDirArgs {
     /// # Errors
     /// The configuration cannot be read, or names none.
     pub fn path(&self) -> Result<PathBuf, Failure> {
-        let Some(config) = &self.config else { return Ok(self.data_dir.clone()) };
-        input::configuration(config)?.gateway.data_dir.ok_or_else(|| {
-            Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no journal", config.display()))
-        })
+        let Some(config) = &self.config else {
+            return Ok(self.data_dir.clone());
+        };
+        input::configuration(config)?
+            .gateway
+            .data_dir
+            .ok_or_else(|| {
+                Failure::wrong(format!(
+                    "{}: without `data_dir` in [gateway] there is no journal",
+                    config.display()
+                ))
+            })
     }
 }

@@ -30,18 +30,31 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(SECONDS))]
     seconds: u64,
     /// The archive to write, which must not exist
-    #[arg(short, long, value_name = "FILE", default_value = "vfd-gateway-diagnostics.tar.gz")]
+    #[arg(
+        short,
+        long,
+        value_name = "FILE",
+        default_value = "vfd-gateway-diagnostics.tar.gz"
+    )]
     out: PathBuf,
 }
 
 /// Writes the archive of the running gateway, or with `--config` what is known of one that does not run.
 pub fn diagnose(args: &Args) -> Result<(), Failure> {
-    let failed = |error: std::io::Error| Failure::failed(format!("{}: {error}", args.out.display()));
+    let failed =
+        |error: std::io::Error| Failure::failed(format!("{}: {error}", args.out.display()));
     // Created first: no traffic is recorded for an archive that cannot be written.
     let mut file = std::fs::File::create_new(&args.out).map_err(failed)?;
     let made = made(args).inspect_err(|_| drop(std::fs::remove_file(&args.out)))?;
-    file.write_all(&made.archive).and_then(|()| file.sync_all()).map_err(failed)?;
-    print(&format!("{}{}: {} kB, without passwords\n", made.remark, args.out.display(), made.archive.len() / 1000))
+    file.write_all(&made.archive)
+        .and_then(|()| file.sync_all())
+        .map_err(failed)?;
+    print(&format!(
+        "{}{}: {} kB, without passwords\n",
+        made.remark,
+        args.out.display(),
+        made.archive.len() / 1000
+    ))
 }
 
 /// An archive, with what has to be said about it.
@@ -51,10 +64,18 @@ struct Made {
 }
 
 fn made(args: &Args) -> Result<Made, Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let (reason, place) = match args.place.path() {
         Ok(socket) => match runtime.block_on(running(&socket, args.seconds)) {
-            Ok(archive) => return Ok(Made { archive: archive.to_vec(), remark: String::new() }),
+            Ok(archive) => {
+                return Ok(Made {
+                    archive: archive.to_vec(),
+                    remark: String::new(),
+                });
+            }
             Err(reason) => (reason, format!("gateway at {}", socket.display())),
         },
         Err(failure) => (failure.to_string(), "configuration".to_owned()),
@@ -65,7 +86,10 @@ fn made(args: &Args) -> Result<Made, Failure> {
         )));
     };
     let archive = stopped(config, &reason).map_err(Failure::failed)?;
-    Ok(Made { archive, remark: format!("{place}: {reason}\nonly what is known without it is written\n") })
+    Ok(Made {
+        archive,
+        remark: format!("{place}: {reason}\nonly what is known without it is written\n"),
+    })
 }
 
 /// The archive of the gateway behind `socket`.
@@ -77,14 +101,22 @@ async fn running(socket: &Path, seconds: u64) -> Result<Bytes, String> {
     let (status, body) = within(patience, asked).await?;
     match status.is_success() {
         true => Ok(body),
-        false => Err(format!("{path} answers {status}: {}", String::from_utf8_lossy(&body).trim())),
+        false => Err(format!(
+            "{path} answers {status}: {}",
+            String::from_utf8_lossy(&body).trim()
+        )),
     }
 }
 
 /// What is known of a gateway with the configuration at `config` that does not answer for `reason`.
 fn stopped(config: &Path, reason: &str) -> std::io::Result<Vec<u8>> {
     let (text, findings) = match input::looked_through(config) {
-        Ok((loaded, text)) => (text, loaded.err().map_or_else(|| "no problems\n".to_owned(), |it| input::drawn(&it))),
+        Ok((loaded, text)) => (
+            text,
+            loaded
+                .err()
+                .map_or_else(|| "no problems\n".to_owned(), |it| input::drawn(&it)),
+        ),
         Err(failure) => (String::new(), failure.to_string()),
     };
     let mut files = vec![
@@ -100,8 +132,13 @@ fn stopped(config: &Path, reason: &str) -> std::io::Result<Vec<u8>> {
 /// The newest rows of the journal; `None` if there is none that can be read.
 fn journal(path: &Path) -> Option<ArchivedFile> {
     let connection = path.exists().then(|| open_journal(path).ok())??;
-    let rows: Vec<_> =
-        Merged::new(&connection, &Table::ALL).filter_map(Result::ok).map(|(table, row)| in_csv(table, &row)).collect();
+    let rows: Vec<_> = Merged::new(&connection, &Table::ALL)
+        .filter_map(Result::ok)
+        .map(|(table, row)| in_csv(table, &row))
+        .collect();
     let newest = rows.len().saturating_sub(ROWS_MAX);
-    Some(ArchivedFile::new("journal.csv", format!("{COLUMNS}{}", rows[newest..].concat())))
+    Some(ArchivedFile::new(
+        "journal.csv",
+        format!("{COLUMNS}{}", rows[newest..].concat()),
+    ))
 }

@@ -54,17 +54,31 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
         Some(directory) => directory.join(SOCKET_NAME),
         None => args.place.path()?,
     };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let reports = runtime.block_on(watch(&socket, args))?;
     let advice = runtime.block_on(advice(&socket));
     let (own, drives) = (own_findings(&advice), of_motion(&advice, &reports));
     print(&if args.json {
-        format!("{}\n", json!({ "lines": reports, "drives": drives, "gateway": own }))
+        format!(
+            "{}\n",
+            json!({ "lines": reports, "drives": drives, "gateway": own })
+        )
     } else {
-        format!("{}{}{}", text(&reports), section("drives", &drives), section("gateway", &own))
+        format!(
+            "{}{}{}",
+            text(&reports),
+            section("drives", &drives),
+            section("gateway", &own)
+        )
     })?;
     let all = reports.iter().flat_map(findings).chain(drives).chain(own);
-    match all.filter(|finding| finding["severity"] == "problem").count() {
+    match all
+        .filter(|finding| finding["severity"] == "problem")
+        .count()
+    {
         0 => Ok(()),
         1 => Err(Failure::failed("one problem was found")),
         problems => Err(Failure::failed(format!("{problems} problems were found"))),
@@ -73,13 +87,26 @@ pub fn doctor(args: &Args) -> Result<(), Failure> {
 
 /// The reports of all requested lines, in the order of the configuration.
 async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
-    let failed = |reason: String| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
-    let health = look(socket, "/api/v1/health", PATIENCE).await.map_err(failed)?;
-    let lines = health["lines"].as_array().into_iter().flatten().filter_map(|line| line["name"].as_str());
+    let failed =
+        |reason: String| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
+    let health = look(socket, "/api/v1/health", PATIENCE)
+        .await
+        .map_err(failed)?;
+    let lines = health["lines"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|line| line["name"].as_str());
     let all: Vec<_> = lines.map(str::to_owned).collect();
-    let wanted: Vec<_> = all.iter().filter(|name| args.line.as_ref().is_none_or(|line| line == *name)).collect();
+    let wanted: Vec<_> = all
+        .iter()
+        .filter(|name| args.line.as_ref().is_none_or(|line| line == *name))
+        .collect();
     if let (true, Some(line)) = (wanted.is_empty(), &args.line) {
-        return Err(Failure::wrong(format!("there is no line called {line}; there are: {}", all.join(", "))));
+        return Err(Failure::wrong(format!(
+            "there is no line called {line}; there are: {}",
+            all.join(", ")
+        )));
     }
     let mut reports = Vec::with_capacity(wanted.len());
     for some in wanted.chunks(AT_ONCE) {
@@ -102,27 +129,44 @@ async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
 
 /// What the gateway finds wrong at present. Another version may not tell.
 async fn advice(socket: &Path) -> Vec<Value> {
-    let told = look(socket, "/api/v1/advice", PATIENCE).await.unwrap_or_default();
+    let told = look(socket, "/api/v1/advice", PATIENCE)
+        .await
+        .unwrap_or_default();
     told["advice"].as_array().cloned().unwrap_or_default()
 }
 
 /// What is wrong with the gateway itself: its broker, its journal, its socket.
 fn own_findings(advice: &[Value]) -> Vec<&Value> {
-    advice.iter().filter(|finding| finding["line"].is_null() && finding["drive"].is_null()).collect()
+    advice
+        .iter()
+        .filter(|finding| finding["line"].is_null() && finding["drive"].is_null())
+        .collect()
 }
 
 /// What the motors on the watched lines do that was not ordered. What their frames show is in the reports.
 fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
-    let is_watched = |finding: &Value| reports.iter().any(|report| report["line"] == finding["line"]);
-    let is_of_motion =
-        |finding: &Value| finding["sign"].as_str().is_some_and(|sign| OF_MOTION.iter().any(|it| it.word() == sign));
-    advice.iter().filter(|finding| is_of_motion(finding) && is_watched(finding)).collect()
+    let is_watched = |finding: &Value| {
+        reports
+            .iter()
+            .any(|report| report["line"] == finding["line"])
+    };
+    let is_of_motion = |finding: &Value| {
+        finding["sign"]
+            .as_str()
+            .is_some_and(|sign| OF_MOTION.iter().any(|it| it.word() == sign))
+    };
+    advice
+        .iter()
+        .filter(|finding| is_of_motion(finding) && is_watched(finding))
+        .collect()
 }
 
 async fn look(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
     match socket::ask(socket, Question::look(path), patience).await? {
         (StatusCode::OK, answer) => Ok(answer),
-        (status, answer) => Err(answer["error"].as_str().map_or(format!("{path} answers {status}"), str::to_owned)),
+        (status, answer) => Err(answer["error"]
+            .as_str()
+            .map_or(format!("{path} answers {status}"), str::to_owned)),
     }
 }
 
@@ -137,7 +181,11 @@ async fn progress(seconds: u64) {
 
 fn bar(passed: u64, seconds: u64) -> String {
     let done = (passed * BAR_CELLS / seconds.max(1)) as usize;
-    format!("\r[{}{}] {passed} of {seconds} s", "#".repeat(done), ".".repeat(BAR_CELLS as usize - done))
+    format!(
+        "\r[{}{}] {passed} of {seconds} s",
+        "#".repeat(done),
+        ".".repeat(BAR_CELLS as usize - done)
+    )
 }
 
 /// For a user at a terminal, besides the report.
@@ -154,7 +202,11 @@ fn findings(report: &Value) -> impl Iterator<Item = &Value> {
 /// `findings` below `title`; empty if there is none.
 fn section(title: &str, findings: &[&Value]) -> String {
     let rows = findings.iter().map(|finding| finding_row(finding));
-    if findings.is_empty() { String::new() } else { format!("\n{title}\n{}", rows.collect::<String>()) }
+    if findings.is_empty() {
+        String::new()
+    } else {
+        format!("\n{title}\n{}", rows.collect::<String>())
+    }
 }
 
 fn finding_row(finding: &Value) -> String {
@@ -166,7 +218,9 @@ fn finding_row(finding: &Value) -> String {
         _ => Tone::Notice,
     };
     // The text of a report names its drive itself.
-    let drive = finding["drive"].as_str().filter(|drive| !word("text").starts_with(drive));
+    let drive = finding["drive"]
+        .as_str()
+        .filter(|drive| !word("text").starts_with(drive));
     let drive = drive.map_or_else(String::new, |drive| format!("{drive}: "));
     format!("  {}: {drive}{}\n", toned(tone, severity), word("text"))
 }
@@ -183,7 +237,11 @@ fn line(report: &Value) -> String {
     let rates = &report["rates"];
     // A line over Modbus TCP has no speed and no characters.
     let has_none = report.get("link").is_some_and(Value::is_null);
-    let link = if has_none { String::new() } else { format!("{} on ", word(report, "link")) };
+    let link = if has_none {
+        String::new()
+    } else {
+        format!("{} on ", word(report, "link"))
+    };
     let mut text = format!(
         "line {} ({link}{}): {}, watched for {} s\n",
         word(report, "line"),
@@ -191,7 +249,11 @@ fn line(report: &Value) -> String {
         word(report, "state"),
         number(&report["observed_s"])
     );
-    let share = |key: &str| rates[key].as_f64().map_or("?".to_owned(), |share| format!("{:.2} %", share / 10.0));
+    let share = |key: &str| {
+        rates[key]
+            .as_f64()
+            .map_or("?".to_owned(), |share| format!("{:.2} %", share / 10.0))
+    };
     // Writing to a String cannot fail.
     let _ = writeln!(
         text,
@@ -222,26 +284,75 @@ fn drives(report: &Value) -> String {
     let all = || report["drives"].as_array().into_iter().flatten();
     let counts = all().map(|drive| {
         let cell = |key: &str| number(&drive[key]);
-        let words = [drive["name"].as_str().unwrap_or("?"), drive["presence"].as_str().unwrap_or("?")];
-        let numbers = ["station", "exchanges", "silent", "damaged", "late", "doubled"].map(cell);
+        let words = [
+            drive["name"].as_str().unwrap_or("?"),
+            drive["presence"].as_str().unwrap_or("?"),
+        ];
+        let numbers = [
+            "station",
+            "exchanges",
+            "silent",
+            "damaged",
+            "late",
+            "doubled",
+        ]
+        .map(cell);
         [&words.map(str::to_owned)[..], &numbers].concat()
     });
-    let header = ["drive", "is", "station", "exchanges", "silent", "damaged", "late", "doubled"].map(str::to_owned);
+    let header = [
+        "drive",
+        "is",
+        "station",
+        "exchanges",
+        "silent",
+        "damaged",
+        "late",
+        "doubled",
+    ]
+    .map(str::to_owned);
     let counts: Vec<_> = [header.to_vec()].into_iter().chain(counts).collect();
     let mut text = table(&counts);
     let times = all().flat_map(|drive| {
         let replies = drive["replies"].as_array().into_iter().flatten();
         replies.map(|reply| {
             let cell = |key: &str| number(&reply[key]);
-            let words = [drive["name"].as_str().unwrap_or("?"), reply["class"].as_str().unwrap_or("?")];
-            let keys =
-                ["count", "p50_ms", "p90_ms", "p99_ms", "p999_ms", "max_ms", "timeout_ms", "suggested_timeout_ms"];
-            [&words.map(|word| word.replace('_', " "))[..], &keys.map(cell)].concat()
+            let words = [
+                drive["name"].as_str().unwrap_or("?"),
+                reply["class"].as_str().unwrap_or("?"),
+            ];
+            let keys = [
+                "count",
+                "p50_ms",
+                "p90_ms",
+                "p99_ms",
+                "p999_ms",
+                "max_ms",
+                "timeout_ms",
+                "suggested_timeout_ms",
+            ];
+            [
+                &words.map(|word| word.replace('_', " "))[..],
+                &keys.map(cell),
+            ]
+            .concat()
         })
     });
-    let header =
-        ["ms to a reply", "to a", "replies", "50 %", "90 %", "99 %", "99.9 %", "longest", "waited for", "suggested"];
-    let times: Vec<_> = [header.map(str::to_owned).to_vec()].into_iter().chain(times).collect();
+    let header = [
+        "ms to a reply",
+        "to a",
+        "replies",
+        "50 %",
+        "90 %",
+        "99 %",
+        "99.9 %",
+        "longest",
+        "waited for",
+        "suggested",
+    ];
+    let times: Vec<_> = [header.map(str::to_owned).to_vec()]
+        .into_iter()
+        .chain(times)
+        .collect();
     if times.len() > 1 {
         text.push_str(&table(&times));
     }
@@ -259,14 +370,22 @@ fn number(value: &Value) -> String {
 fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {
-        rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+        rows.iter()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
     };
     let widths: Vec<_> = (0..columns).map(width).collect();
     let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
-            0 | 1 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
+        let cells =
+            row.iter()
+                .zip(&widths)
+                .enumerate()
+                .map(|(column, (cell, width))| match column {
+                    0 | 1 => format!("{cell:<width$}"),
+                    _ => format!("{cell:>width$}"),
+                });
         format!("  {}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
     rows.iter().map(line).collect()
@@ -302,32 +421,62 @@ mod tests {
         let finding = json!({ "severity": "problem", "text": "the broker is not reached" });
         let advice = [finding];
         let own = own_findings(&advice);
-        assert_eq!(section("gateway", &own), "\ngateway\n  problem: the broker is not reached\n");
+        assert_eq!(
+            section("gateway", &own),
+            "\ngateway\n  problem: the broker is not reached\n"
+        );
         assert_eq!(section("gateway", &[]), "");
     }
 
     #[test]
     fn what_the_motors_of_the_watched_lines_do_unordered_is_named() {
         let finding = |line: &str, sign: &str| json!({ "severity": "problem", "sign": sign, "line": line, "drive": "pump-1", "text": "it turns" });
-        let signs = ["may_still_run", "failsafe", "stopped_elsewhere", "output_outside", "tripped"];
-        let advice: Vec<_> = signs.iter().flat_map(|sign| ["a", "b"].map(|line| finding(line, sign))).collect();
+        let signs = [
+            "may_still_run",
+            "failsafe",
+            "stopped_elsewhere",
+            "output_outside",
+            "tripped",
+        ];
+        let advice: Vec<_> = signs
+            .iter()
+            .flat_map(|sign| ["a", "b"].map(|line| finding(line, sign)))
+            .collect();
         let found = of_motion(&advice, &[json!({ "line": "a" })]);
-        assert_eq!(found.iter().map(|it| it["sign"].as_str().unwrap()).collect::<Vec<_>>(), signs[..4]);
-        assert_eq!(section("drives", &found[..1]), "\ndrives\n  problem: pump-1: it turns\n");
+        assert_eq!(
+            found
+                .iter()
+                .map(|it| it["sign"].as_str().unwrap())
+                .collect::<Vec<_>>(),
+            signs[..4]
+        );
+        assert_eq!(
+            section("drives", &found[..1]),
+            "\ndrives\n  problem: pump-1: it turns\n"
+        );
     }
 
     #[test]
     fn what_another_version_does_not_say_is_not_made_up() {
         let told = text(&[json!({})]);
-        assert!(told.starts_with("line ? (? on ?): ?, watched for - s\n"), "{told}");
+        assert!(
+            told.starts_with("line ? (? on ?): ?, watched for - s\n"),
+            "{told}"
+        );
         let told = line(&json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" }));
-        assert!(told.starts_with("line ? (modbus-tcp://10.0.0.7:502): "), "{told}");
+        assert!(
+            told.starts_with("line ? (modbus-tcp://10.0.0.7:502): "),
+            "{told}"
+        );
     }
 
     #[test]
     fn the_bar_is_full_at_the_end() {
         assert_eq!(bar(0, 30), format!("\r[{}] 0 of 30 s", ".".repeat(30)));
         assert_eq!(bar(30, 30), format!("\r[{}] 30 of 30 s", "#".repeat(30)));
-        assert_eq!(bar(1, 2), format!("\r[{}{}] 1 of 2 s", "#".repeat(15), ".".repeat(15)));
+        assert_eq!(
+            bar(1, 2),
+            format!("\r[{}{}] 1 of 2 s", "#".repeat(15), ".".repeat(15))
+        );
     }
 }

@@ -21,21 +21,35 @@ pub struct Args {
 pub fn enable(args: &Args) -> Result<(), Failure> {
     let drive = setup::Drive::new(&args.drive, &args.place)?;
     let before = drive.look()?;
-    if setup::is_another_drive(&before) || items(&before).any(|item| item["result"] == "not_answered") {
+    if setup::is_another_drive(&before)
+        || items(&before).any(|item| item["result"] == "not_answered")
+    {
         print(&report(&before))?;
         judge(&before)?;
     }
-    let wrong: Vec<_> = items(&before).filter(|item| item["result"] == "wrong").collect();
+    let wrong: Vec<_> = items(&before)
+        .filter(|item| item["result"] == "wrong")
+        .collect();
     if wrong.is_empty() {
-        print(&format!("{}nothing to set over the line\n", report(&before)))?;
+        print(&format!(
+            "{}nothing to set over the line\n",
+            report(&before)
+        ))?;
         return judge(&before);
     }
     let changes = setup::table(wrong.iter().map(|item| change(item)));
-    print(&format!("drive {}, at standstill:\n{changes}", text(&before, "drive")))?;
+    print(&format!(
+        "drive {}, at standstill:\n{changes}",
+        text(&before, "drive")
+    ))?;
     if !args.yes {
         ask_for_consent()?;
     }
-    let address = |item: &&Value| item["address"].as_u64().and_then(|address| u16::try_from(address).ok());
+    let address = |item: &&Value| {
+        item["address"]
+            .as_u64()
+            .and_then(|address| u16::try_from(address).ok())
+    };
     let answer = drive.set(&wrong.iter().filter_map(address).collect::<Vec<_>>())?;
     print(&format!("{}\n", setup::outcome(&answer)))?;
     let after = drive.look()?;
@@ -45,8 +59,15 @@ pub fn enable(args: &Args) -> Result<(), Failure> {
 
 /// Name, old word, and new word.
 fn change(item: &Value) -> [String; 3] {
-    let new = item["wanted"].as_array().and_then(|wanted| wanted.first()).map_or_else(|| "?".to_owned(), word);
-    [text(item, "what").to_owned(), text(item, "text").to_owned(), format!("{} -> {new}", word(&item["found"]))]
+    let new = item["wanted"]
+        .as_array()
+        .and_then(|wanted| wanted.first())
+        .map_or_else(|| "?".to_owned(), word);
+    [
+        text(item, "what").to_owned(),
+        text(item, "text").to_owned(),
+        format!("{} -> {new}", word(&item["found"])),
+    ]
 }
 
 /// Asks the person at the terminal.
@@ -57,13 +78,21 @@ pub(super) fn ask_for_consent() -> Result<(), Failure> {
 /// Asks the person at the terminal this `question`; what was done `otherwise` is told unless the answer is yes.
 pub(super) fn ask(question: &str, otherwise: &str) -> Result<(), Failure> {
     if !io::stdin().is_terminal() {
-        return Err(Failure::wrong(format!("{otherwise}: there is no terminal to ask on; add --yes")));
+        return Err(Failure::wrong(format!(
+            "{otherwise}: there is no terminal to ask on; add --yes"
+        )));
     }
     print(&format!("{question} [y/N] "))?;
     // The question must be visible before the answer is awaited.
     io::Write::flush(&mut io::stdout()).map_err(Failure::failed)?;
     let mut answer = String::new();
-    io::stdin().read_line(&mut answer).map_err(Failure::failed)?;
+    io::stdin()
+        .read_line(&mut answer)
+        .map_err(Failure::failed)?;
     let is_yes = ["y", "yes"].contains(&answer.trim().to_lowercase().as_str());
-    if is_yes { Ok(()) } else { Err(Failure::failed(otherwise)) }
+    if is_yes {
+        Ok(())
+    } else {
+        Err(Failure::failed(otherwise))
+    }
 }

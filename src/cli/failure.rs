@@ -28,13 +28,19 @@ impl Failure {
     /// Something failed while the command ran.
     #[must_use]
     pub fn failed(message: impl Display) -> Self {
-        Self { message: message.to_string(), code: FAILED }
+        Self {
+            message: message.to_string(),
+            code: FAILED,
+        }
     }
 
     /// The arguments or a file that was given are wrong.
     #[must_use]
     pub fn wrong(message: impl Display) -> Self {
-        Self { message: message.to_string(), code: WRONG_USAGE }
+        Self {
+            message: message.to_string(),
+            code: WRONG_USAGE,
+        }
     }
 
     /// Prints it to stderr, and returns the exit code.

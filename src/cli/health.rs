@@ -44,7 +44,10 @@ pub fn health(args: &Args) -> Result<(), Failure> {
         Some(url) => HealthSource::Url(Url::new(url)?),
         None => HealthSource::Socket(args.place.path()?),
     };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let failed = |reason: String| Failure::failed(format!("gateway at {place}: {reason}"));
     if args.alive {
         return print(&runtime.block_on(sign_of_life(&place)).map_err(failed)?);
@@ -53,13 +56,19 @@ pub fn health(args: &Args) -> Result<(), Failure> {
     if args.active {
         return print(&format!("{}\n", active(&health).map_err(failed)?));
     }
-    print(&if args.json { format!("{health}\n") } else { report(&health) })?;
+    print(&if args.json {
+        format!("{health}\n")
+    } else {
+        report(&health)
+    })?;
     why_not_in_order(&health).map_or(Ok(()), |why| Err(failed(why)))
 }
 
 /// Why the gateway or a drive is not in order, the worst first; `None` if all are.
 fn why_not_in_order(health: &Value) -> Option<String> {
-    let named = |what: &str, drives: Vec<&str>| (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")));
+    let named = |what: &str, drives: Vec<&str>| {
+        (!drives.is_empty()).then(|| format!("{what} {}", drives.join(", ")))
+    };
     let not_ready = || (health["ready"] != true).then(|| "not ready".to_owned());
     named("a motor may still run unseen: go to", unseen(health))
         .or_else(not_ready)
@@ -70,17 +79,23 @@ fn why_not_in_order(health: &Value) -> Option<String> {
 /// The drives that are out of sight and may still run.
 fn unseen(health: &Value) -> Vec<&str> {
     let drives = health["drives"].as_array().into_iter().flatten();
-    drives.filter(|drive| drive["may_still_run"] == true).map(|drive| word(drive, "name")).collect()
+    drives
+        .filter(|drive| drive["may_still_run"] == true)
+        .map(|drive| word(drive, "name"))
+        .collect()
 }
 
 /// The drives of which nothing was read since the start, on lines on which this gateway sends.
 fn never_read(health: &Value) -> Vec<&str> {
     let items = |key: &str| health[key].as_array().into_iter().flatten();
     let listens = |drive: &Value| {
-        items("lines").any(|line| line["name"] == drive["line"] && line["standby"]["role"] == "listening")
+        items("lines")
+            .any(|line| line["name"] == drive["line"] && line["standby"]["role"] == "listening")
     };
     let unread = items("drives").filter(|drive| drive["was_read"] == false && !listens(drive));
-    unread.map(|drive| drive["name"].as_str().unwrap_or("?")).collect()
+    unread
+        .map(|drive| drive["name"].as_str().unwrap_or("?"))
+        .collect()
 }
 
 /// Where the gateway is reached.
@@ -106,16 +121,29 @@ struct Url {
 
 impl Url {
     fn new(uri: &Uri) -> Result<Self, Failure> {
-        let host = uri.host().filter(|_| uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/"));
-        let host =
-            host.ok_or_else(|| Failure::wrong(format!("{uri} is not an address such as http://127.0.0.1:8080")))?;
+        let host = uri
+            .host()
+            .filter(|_| uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/"));
+        let host = host.ok_or_else(|| {
+            Failure::wrong(format!(
+                "{uri} is not an address such as http://127.0.0.1:8080"
+            ))
+        })?;
         // A version 6 address is in brackets.
-        let host = host.trim_start_matches('[').trim_end_matches(']').to_owned();
-        Ok(Self { host, port: uri.port_u16().unwrap_or(80) })
+        let host = host
+            .trim_start_matches('[')
+            .trim_end_matches(']')
+            .to_owned();
+        Ok(Self {
+            host,
+            port: uri.port_u16().unwrap_or(80),
+        })
     }
 
     async fn connect(&self) -> Result<TcpStream, String> {
-        TcpStream::connect((self.host.as_str(), self.port)).await.map_err(unreachable)
+        TcpStream::connect((self.host.as_str(), self.port))
+            .await
+            .map_err(unreachable)
     }
 }
 
@@ -123,7 +151,10 @@ async fn ask(place: &HealthSource) -> Result<Value, String> {
     let question = Question::look(PATH);
     let answer = match place {
         HealthSource::Url(url) => {
-            within(PATIENCE, async { exchange(url.connect().await?, &url.host, question).await }).await
+            within(PATIENCE, async {
+                exchange(url.connect().await?, &url.host, question).await
+            })
+            .await
         }
         HealthSource::Socket(path) => socket::ask(path, question, PATIENCE).await,
     };
@@ -138,14 +169,20 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
     let question = Question::look(ALIVE);
     let answer = within(PATIENCE, async {
         match place {
-            HealthSource::Url(url) => exchange_bytes(url.connect().await?, &url.host, question).await,
-            HealthSource::Socket(path) => exchange_bytes(connect(path).await?, "localhost", question).await,
+            HealthSource::Url(url) => {
+                exchange_bytes(url.connect().await?, &url.host, question).await
+            }
+            HealthSource::Socket(path) => {
+                exchange_bytes(connect(path).await?, "localhost", question).await
+            }
         }
     });
     match answer.await? {
         (StatusCode::OK, said) => Ok(String::from_utf8_lossy(&said).into_owned()),
         // It names the lines whose threads hang.
-        (StatusCode::SERVICE_UNAVAILABLE, said) => Err(String::from_utf8_lossy(&said).trim_end().to_owned()),
+        (StatusCode::SERVICE_UNAVAILABLE, said) => {
+            Err(String::from_utf8_lossy(&said).trim_end().to_owned())
+        }
         (status, _) => Err(format!("{ALIVE} answers {status}")),
     }
 }
@@ -153,16 +190,31 @@ async fn sign_of_life(place: &HealthSource) -> Result<String, String> {
 /// That the gateway is the one that sends. An error says why it is not. Where it shares no line, it is alone and sends on
 /// all of them.
 fn active(health: &Value) -> Result<String, String> {
-    let lines = health["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let lines = health["lines"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
     let is_shared = lines.iter().any(|line| !line["standby"].is_null());
-    let counts = |line: &&Value| line["state"] == "up" && (!is_shared || !line["standby"].is_null());
+    let counts =
+        |line: &&Value| line["state"] == "up" && (!is_shared || !line["standby"].is_null());
     let name = |line: &Value| line["name"].as_str().unwrap_or("?").to_owned();
-    let (sends, listens): (Vec<_>, Vec<_>) =
-        lines.iter().filter(counts).partition(|line| !is_shared || line["standby"]["role"] == "active");
-    let names = |lines: &[&Value]| lines.iter().map(|line| name(line)).collect::<Vec<_>>().join(", ");
+    let (sends, listens): (Vec<_>, Vec<_>) = lines
+        .iter()
+        .filter(counts)
+        .partition(|line| !is_shared || line["standby"]["role"] == "active");
+    let names = |lines: &[&Value]| {
+        lines
+            .iter()
+            .map(|line| name(line))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
     match (sends.is_empty(), listens.is_empty()) {
         (false, true) => Ok(format!("active on {}", names(&sends))),
-        (_, false) => Err(format!("not active: it only listens on {}", names(&listens))),
+        (_, false) => Err(format!(
+            "not active: it only listens on {}",
+            names(&listens)
+        )),
         (true, true) => Err("not active: no line can be used".to_owned()),
     }
 }
@@ -171,10 +223,19 @@ fn active(health: &Value) -> Result<String, String> {
 fn essential_refused(health: &Value) -> Option<String> {
     let drives = health["drives"].as_array()?;
     drives.iter().find_map(|drive| {
-        let refused = drive["refused"].as_array()?.iter().find(|it| it["essential"] == true)?;
-        let name = refused["name"].as_str().or(refused["register"].as_str()).unwrap_or("?");
+        let refused = drive["refused"]
+            .as_array()?
+            .iter()
+            .find(|it| it["essential"] == true)?;
+        let name = refused["name"]
+            .as_str()
+            .or(refused["register"].as_str())
+            .unwrap_or("?");
         let code = refused["code"].as_u64().unwrap_or(0);
-        Some(format!("drive {} refuses to show {name} (exception {code:02X})", drive["name"].as_str().unwrap_or("?")))
+        Some(format!(
+            "drive {} refuses to show {name} (exception {code:02X})",
+            drive["name"].as_str().unwrap_or("?")
+        ))
     })
 }
 
@@ -190,45 +251,89 @@ fn span(seconds: u64) -> String {
 
 /// A word for a state, in its colour.
 fn state_of<'a>(word: &'a str, good: &[&'a str]) -> String {
-    toned(if good.contains(&word) { Tone::Good } else { Tone::Problem }, word)
+    toned(
+        if good.contains(&word) {
+            Tone::Good
+        } else {
+            Tone::Problem
+        },
+        word,
+    )
 }
 
 /// The reason of a state, to follow its word; empty if there is none.
 fn reason_of(part: &Value) -> String {
-    part["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default()
+    part["reason"]
+        .as_str()
+        .map(|reason| format!(": {reason}"))
+        .unwrap_or_default()
 }
 
 fn line_row(line: &Value) -> String {
     let word = |key: &str| line[key].as_str().unwrap_or("?");
     // A line that is down says why itself.
-    let suspicion = line["suspicion"].as_str().filter(|_| line["reason"].is_null());
-    let suspicion = suspicion.map(|text| format!("; {text}")).unwrap_or_default();
-    let role = line["standby"]["role"].as_str().map(|role| format!(", {role}")).unwrap_or_default();
-    format!("line {}: {}{role}{}{suspicion}\n", word("name"), state_of(word("state"), &["up"]), reason_of(line))
+    let suspicion = line["suspicion"]
+        .as_str()
+        .filter(|_| line["reason"].is_null());
+    let suspicion = suspicion
+        .map(|text| format!("; {text}"))
+        .unwrap_or_default();
+    let role = line["standby"]["role"]
+        .as_str()
+        .map(|role| format!(", {role}"))
+        .unwrap_or_default();
+    format!(
+        "line {}: {}{role}{}{suspicion}\n",
+        word("name"),
+        state_of(word("state"), &["up"]),
+        reason_of(line)
+    )
 }
 
 /// What `side` does not publish because it is larger than the broker takes, a line each.
 fn oversized(side: &str, health: &Value) -> String {
     /// Lines that are shown.
     const LINES_MAX: usize = 8;
-    let all = health["oversized"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let all = health["oversized"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
     let line = |it: &Value| {
         let topic = it["topic"].as_str().unwrap_or("?");
-        format!("{side}: {topic} is not published: {} bytes, and the broker takes {}\n", it["bytes"], it["limit"])
+        format!(
+            "{side}: {topic} is not published: {} bytes, and the broker takes {}\n",
+            it["bytes"], it["limit"]
+        )
     };
     let more = all.len().saturating_sub(LINES_MAX);
-    let more = if more > 0 { format!("{side}: and {more} more\n") } else { String::new() };
+    let more = if more > 0 {
+        format!("{side}: and {more} more\n")
+    } else {
+        String::new()
+    };
     all.iter().take(LINES_MAX).map(line).chain([more]).collect()
 }
 
 /// A drive that may run unseen. It is told before all others.
 pub fn unseen_row(drive: &Value) -> String {
     let seen = &drive["last_seen"];
-    let hertz = seen["output_hz"].as_f64().map(|hertz| format!(" at {hertz:.2} Hz")).unwrap_or_default();
-    let at = seen["at"].as_str().map(|at| format!(", {at}")).unwrap_or_default();
-    let seen = seen["run_state"].as_str().map(|state| format!(": last seen {state}{hertz}{at}")).unwrap_or_default();
+    let hertz = seen["output_hz"]
+        .as_f64()
+        .map(|hertz| format!(" at {hertz:.2} Hz"))
+        .unwrap_or_default();
+    let at = seen["at"]
+        .as_str()
+        .map(|at| format!(", {at}"))
+        .unwrap_or_default();
+    let seen = seen["run_state"]
+        .as_str()
+        .map(|state| format!(": last seen {state}{hertz}{at}"))
+        .unwrap_or_default();
     let name = drive["name"].as_str().unwrap_or("?");
-    format!("{}{seen}; go to the drive\n", toned(Tone::Problem, &format!("drive {name} MAY STILL RUN")))
+    format!(
+        "{}{seen}; go to the drive\n",
+        toned(Tone::Problem, &format!("drive {name} MAY STILL RUN"))
+    )
 }
 
 /// The text at `key`.
@@ -246,23 +351,44 @@ fn drive_row(drive: &Value) -> String {
         "tripped" => toned(Tone::Problem, "tripped"),
         other => other.to_owned(),
     };
-    let watchdog = drive["watchdog"].as_str().map(|state| format!(", its watchdog {}", state.replace('_', " ")));
+    let watchdog = drive["watchdog"]
+        .as_str()
+        .map(|state| format!(", its watchdog {}", state.replace('_', " ")));
     let watchdog = watchdog.unwrap_or_default();
     let warning = drive["warning"].as_str();
-    let warning = warning.map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:"))).unwrap_or_default();
+    let warning = warning
+        .map(|text| format!(", {} {text}", toned(Tone::Notice, "warns:")))
+        .unwrap_or_default();
     let refused: Vec<_> = drive["refused"].as_array().into_iter().flatten().collect();
-    let refused: Vec<_> = refused.iter().filter_map(|it| it["name"].as_str().or(it["register"].as_str())).collect();
+    let refused: Vec<_> = refused
+        .iter()
+        .filter_map(|it| it["name"].as_str().or(it["register"].as_str()))
+        .collect();
     let refused = if refused.is_empty() {
         String::new()
     } else {
-        format!(", {} {}", toned(Tone::Problem, "refuses to show"), refused.join(", "))
+        format!(
+            ", {} {}",
+            toned(Tone::Problem, "refuses to show"),
+            refused.join(", ")
+        )
     };
     let state = drive["undocumented_state"].as_str();
-    let state =
-        state.map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:"))).unwrap_or_default();
+    let state = state
+        .map(|text| format!(", {} {text}", toned(Tone::Notice, "undocumented state:")))
+        .unwrap_or_default();
     let motion = motion_of(drive);
-    let site: Vec<_> = drive["site"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let site = if site.is_empty() { String::new() } else { format!(", qualified at the site: {}", site.join(", ")) };
+    let site: Vec<_> = drive["site"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    let site = if site.is_empty() {
+        String::new()
+    } else {
+        format!(", qualified at the site: {}", site.join(", "))
+    };
     format!(
         "drive {name} ({model} on {line}): {presence}, {run_state}{motion}{watchdog}{warning}{state}{refused}{site}\n"
     )
@@ -277,15 +403,37 @@ fn motion_of(drive: &Value) -> String {
         Some("given_up") => format!("the declared action ({action}) was given up"),
         _ => String::new(),
     };
-    let is = |key: &str, text: &str| if drive[key] == true { text.to_owned() } else { String::new() };
-    let outside = is("output_outside", "its output is outside the limits or far from the setpoint");
-    let parts = [outside, is("stopped_elsewhere", "stopped elsewhere: only a new order starts it"), came];
-    parts.iter().filter(|it| !it.is_empty()).map(|it| format!(", {}", toned(Tone::Problem, it))).collect()
+    let is = |key: &str, text: &str| {
+        if drive[key] == true {
+            text.to_owned()
+        } else {
+            String::new()
+        }
+    };
+    let outside = is(
+        "output_outside",
+        "its output is outside the limits or far from the setpoint",
+    );
+    let parts = [
+        outside,
+        is(
+            "stopped_elsewhere",
+            "stopped elsewhere: only a new order starts it",
+        ),
+        came,
+    ];
+    parts
+        .iter()
+        .filter(|it| !it.is_empty())
+        .map(|it| format!(", {}", toned(Tone::Problem, it)))
+        .collect()
 }
 
 /// What is said of the MQTT broker; empty without one.
 fn mqtt_rows(mqtt: &Value) -> String {
-    let Some(connected) = mqtt["connected"].as_bool() else { return String::new() };
+    let Some(connected) = mqtt["connected"].as_bool() else {
+        return String::new();
+    };
     let mut text = String::new();
     let rival = if mqtt["contested"] == true {
         "; another client has the same client identifier: give each its own, with `client_id`"
@@ -296,7 +444,14 @@ fn mqtt_rows(mqtt: &Value) -> String {
     let _ = writeln!(
         text,
         "mqtt: {}{lost}{rival}",
-        state_of(if connected { "connected" } else { "not connected" }, &["connected"])
+        state_of(
+            if connected {
+                "connected"
+            } else {
+                "not connected"
+            },
+            &["connected"]
+        )
     );
     text.push_str(&oversized("mqtt", mqtt));
     if let Some(topic) = mqtt["clients_gone"].as_str() {
@@ -306,8 +461,14 @@ fn mqtt_rows(mqtt: &Value) -> String {
              `lost_after`"
         );
     }
-    if let Some(refused) = mqtt["events_refused"].as_u64().filter(|refused| *refused > 0) {
-        let _ = writeln!(text, "mqtt: the broker refused {refused} trip events; see the log");
+    if let Some(refused) = mqtt["events_refused"]
+        .as_u64()
+        .filter(|refused| *refused > 0)
+    {
+        let _ = writeln!(
+            text,
+            "mqtt: the broker refused {refused} trip events; see the log"
+        );
     }
     text
 }
@@ -317,9 +478,18 @@ fn report(health: &Value) -> String {
     let items = |key: &str| health[key].as_array().into_iter().flatten();
     let mut text = String::new();
     let uptime = span(health["uptime_seconds"].as_u64().unwrap_or(0));
-    let _ = writeln!(text, "gateway {}: version {}, up {uptime}", word(health, "gateway"), word(health, "version"));
+    let _ = writeln!(
+        text,
+        "gateway {}: version {}, up {uptime}",
+        word(health, "gateway"),
+        word(health, "version")
+    );
     text.extend(items("lines").map(line_row));
-    text.extend(items("drives").filter(|drive| drive["may_still_run"] == true).map(unseen_row));
+    text.extend(
+        items("drives")
+            .filter(|drive| drive["may_still_run"] == true)
+            .map(unseen_row),
+    );
     text.extend(items("drives").map(drive_row));
     text.push_str(&mqtt_rows(&health["mqtt"]));
     if let Some(connected) = health["sparkplug"]["connected"].as_bool() {
@@ -332,7 +502,11 @@ fn report(health: &Value) -> String {
             (false, false) => "not connected",
         };
         let state = state_of(state, &["published to its hosts"]);
-        let _ = writeln!(text, "sparkplug: {state}{}", reason_of(&health["sparkplug"]));
+        let _ = writeln!(
+            text,
+            "sparkplug: {state}{}",
+            reason_of(&health["sparkplug"])
+        );
         text.push_str(&oversized("sparkplug", &health["sparkplug"]));
     }
     if let Some(state) = health["journal"]["state"].as_str() {
@@ -354,8 +528,13 @@ mod tests {
 
     #[test]
     fn spans_are_in_units_that_people_use() {
-        let spans =
-            [(59, "59 s"), (60, "1 min 0 s"), (3599, "59 min 59 s"), (86_399, "23 h 59 min"), (200_000, "2 d 7 h")];
+        let spans = [
+            (59, "59 s"),
+            (60, "1 min 0 s"),
+            (3599, "59 min 59 s"),
+            (86_399, "23 h 59 min"),
+            (200_000, "2 d 7 h"),
+        ];
         for (seconds, text) in spans {
             assert_eq!(span(seconds), text);
         }
@@ -372,28 +551,64 @@ mod tests {
         let (sends, listens) = (Some("active"), Some("listening"));
         for (lines, told) in [
             (vec![line("a", "up", sends)], Ok("active on a")),
-            (vec![line("a", "up", sends), line("b", "up", sends)], Ok("active on a, b")),
-            (vec![line("a", "up", sends), line("b", "down", listens)], Ok("active on a")),
-            (vec![line("a", "up", sends), line("own", "down", None)], Ok("active on a")),
+            (
+                vec![line("a", "up", sends), line("b", "up", sends)],
+                Ok("active on a, b"),
+            ),
+            (
+                vec![line("a", "up", sends), line("b", "down", listens)],
+                Ok("active on a"),
+            ),
+            (
+                vec![line("a", "up", sends), line("own", "down", None)],
+                Ok("active on a"),
+            ),
             (vec![line("own", "up", None)], Ok("active on own")),
-            (vec![line("a", "up", sends), line("b", "up", listens)], Err("not active: it only listens on b")),
-            (vec![line("a", "up", listens), line("own", "up", None)], Err("not active: it only listens on a")),
-            (vec![line("a", "down", listens), line("own", "up", None)], Err("not active: no line can be used")),
-            (vec![line("own", "down", None)], Err("not active: no line can be used")),
+            (
+                vec![line("a", "up", sends), line("b", "up", listens)],
+                Err("not active: it only listens on b"),
+            ),
+            (
+                vec![line("a", "up", listens), line("own", "up", None)],
+                Err("not active: it only listens on a"),
+            ),
+            (
+                vec![line("a", "down", listens), line("own", "up", None)],
+                Err("not active: no line can be used"),
+            ),
+            (
+                vec![line("own", "down", None)],
+                Err("not active: no line can be used"),
+            ),
             (vec![], Err("not active: no line can be used")),
         ] {
             let found = active(&serde_json::json!({ "lines": lines }));
-            assert_eq!(found, told.map(str::to_owned).map_err(str::to_owned), "{lines:?}");
+            assert_eq!(
+                found,
+                told.map(str::to_owned).map_err(str::to_owned),
+                "{lines:?}"
+            );
         }
     }
 
     #[test]
     fn a_drive_of_which_nothing_was_ever_read_is_named_unless_this_gateway_only_listens() {
-        let lines = [line("a", "up", Some("active")), line("b", "up", Some("listening"))];
+        let lines = [
+            line("a", "up", Some("active")),
+            line("b", "up", Some("listening")),
+        ];
         let drive = |name: &str, line: &str, was_read: bool| serde_json::json!({ "name": name, "line": line, "was_read": was_read });
         let old = serde_json::json!({ "name": "of an earlier version", "line": "a" });
-        let drives = [drive("one", "a", true), drive("two", "a", false), drive("three", "b", false), old];
-        assert_eq!(never_read(&serde_json::json!({ "lines": lines, "drives": drives })), ["two"]);
+        let drives = [
+            drive("one", "a", true),
+            drive("two", "a", false),
+            drive("three", "b", false),
+            old,
+        ];
+        assert_eq!(
+            never_read(&serde_json::json!({ "lines": lines, "drives": drives })),
+            ["two"]
+        );
         assert_eq!(never_read(&serde_json::json!({})), [""; 0]);
     }
 
@@ -402,21 +617,35 @@ mod tests {
         let one = |n: u32| serde_json::json!({ "topic": format!("vfd/a/{n}"), "bytes": 2500, "limit": 2000 });
         let health = serde_json::json!({ "mqtt": { "connected": true, "oversized": [one(1)] } });
         let shown = report(&health);
-        assert!(shown.contains("mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"), "{shown}");
+        assert!(
+            shown.contains(
+                "mqtt: vfd/a/1 is not published: 2500 bytes, and the broker takes 2000\n"
+            ),
+            "{shown}"
+        );
         let many: Vec<_> = (0..11).map(one).collect();
-        assert!(oversized("mqtt", &serde_json::json!({ "oversized": many })).ends_with("mqtt: and 3 more\n"));
+        assert!(
+            oversized("mqtt", &serde_json::json!({ "oversized": many }))
+                .ends_with("mqtt: and 3 more\n")
+        );
     }
 
     #[test]
     fn a_drive_that_may_run_unseen_is_told_first_and_with_what_was_seen() {
         let drive = |seen: Value| serde_json::json!({ "name": "pump-1", "may_still_run": true, "last_seen": seen });
         let seen = serde_json::json!({ "run_state": "forward", "output_hz": 42.5, "at": "2026-01-02T03:04:05.678Z" });
-        let told =
-            "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
+        let told = "drive pump-1 MAY STILL RUN: last seen forward at 42.50 Hz, 2026-01-02T03:04:05.678Z; go to the drive\n";
         assert_eq!(unseen_row(&drive(seen)), told);
-        assert_eq!(unseen_row(&drive(Value::Null)), "drive pump-1 MAY STILL RUN; go to the drive\n");
-        let report = report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
-        assert!(report.find("MAY STILL RUN") < report.find("drive fan-2"), "{report}");
+        assert_eq!(
+            unseen_row(&drive(Value::Null)),
+            "drive pump-1 MAY STILL RUN; go to the drive\n"
+        );
+        let report =
+            report(&serde_json::json!({ "drives": [{ "name": "fan-2" }, drive(Value::Null)] }));
+        assert!(
+            report.find("MAY STILL RUN") < report.find("drive fan-2"),
+            "{report}"
+        );
     }
 
     #[test]
@@ -426,10 +655,16 @@ mod tests {
             serde_json::json!({ "ready": ready, "drives": [drive] })
         };
         assert_eq!(why_not_in_order(&health(false, true)), None);
-        assert_eq!(why_not_in_order(&health(false, false)).as_deref(), Some("not ready"));
+        assert_eq!(
+            why_not_in_order(&health(false, false)).as_deref(),
+            Some("not ready")
+        );
         for ready in [true, false] {
             let why = why_not_in_order(&health(true, ready)).unwrap();
-            assert!(why.contains("may still run") && why.ends_with("go to pump-1"), "{why}");
+            assert!(
+                why.contains("may still run") && why.ends_with("go to pump-1"),
+                "{why}"
+            );
         }
     }
 
@@ -438,8 +673,17 @@ mod tests {
         let told = |key: &str, value: Value| drive_row(&serde_json::json!({ key: value }));
         assert!(told("output_outside", true.into()).contains("outside the limits"));
         assert!(told("stopped_elsewhere", true.into()).contains("stopped elsewhere"));
-        let stage = |stage: &str| told("failsafe", serde_json::json!({ "action": "stop", "stage": stage }));
-        assert!(stage("due").contains("the declared action (stop) is due"), "{}", stage("due"));
+        let stage = |stage: &str| {
+            told(
+                "failsafe",
+                serde_json::json!({ "action": "stop", "stage": stage }),
+            )
+        };
+        assert!(
+            stage("due").contains("the declared action (stop) is due"),
+            "{}",
+            stage("due")
+        );
         assert_eq!(stage("effective"), told("failsafe", Value::Null));
     }
 
@@ -450,12 +694,19 @@ mod tests {
         assert_eq!(essential_refused(&health(false)), None);
         let told = "drive a refuses to show output (exception 02)";
         assert_eq!(essential_refused(&health(true)).as_deref(), Some(told));
-        assert!(report(&health(false)).contains("refuses to show output"), "{}", report(&health(false)));
+        assert!(
+            report(&health(false)).contains("refuses to show output"),
+            "{}",
+            report(&health(false))
+        );
     }
 
     #[test]
     fn a_shared_line_is_shown_with_the_role() {
-        assert_eq!(line_row(&line("a", "up", Some("listening"))), "line a: up, listening\n");
+        assert_eq!(
+            line_row(&line("a", "up", Some("listening"))),
+            "line a: up, listening\n"
+        );
         assert_eq!(line_row(&line("a", "up", None)), "line a: up\n");
     }
 }

@@ -32,8 +32,17 @@ pub fn catalog_with(dirs: &ModelDirs) -> Result<Catalog, Failure> {
 /// What cannot be read.
 pub fn own_models(dirs: &ModelDirs) -> Result<OwnModels, Failure> {
     let mut own = OwnModels::default();
-    let unread: Vec<_> = dirs.dirs.iter().flat_map(|dir| own.read_dir(dir)).map(|unread| unread.what).collect();
-    if unread.is_empty() { Ok(own) } else { Err(Failure::wrong(unread.join("\n"))) }
+    let unread: Vec<_> = dirs
+        .dirs
+        .iter()
+        .flat_map(|dir| own.read_dir(dir))
+        .map(|unread| unread.what)
+        .collect();
+    if unread.is_empty() {
+        Ok(own)
+    } else {
+        Err(Failure::wrong(unread.join("\n")))
+    }
 }
 
 /// The built-in models and those of `own`.
@@ -46,12 +55,21 @@ pub fn joined(own: &OwnModels) -> Result<Catalog, Failure> {
 
 /// `catalog` with the models of `own`, or the problems of each file.
 fn join(catalog: Catalog, own: &OwnModels) -> Result<Catalog, Vec<Findings>> {
-    let texts = own.files().map(|(path, text)| (path.display().to_string(), text));
+    let texts = own
+        .files()
+        .map(|(path, text)| (path.display().to_string(), text));
     catalog.with_texts(texts).map_err(|problems| {
         let found = own.files().map(|(path, text)| {
             let name = path.display().to_string();
-            let of_file = problems.iter().filter(|(file, _)| *file == name).map(|(_, problem)| problem.clone());
-            Findings { path: path.to_owned(), text: text.to_owned(), problems: of_file.collect() }
+            let of_file = problems
+                .iter()
+                .filter(|(file, _)| *file == name)
+                .map(|(_, problem)| problem.clone());
+            Findings {
+                path: path.to_owned(),
+                text: text.to_owned(),
+                problems: of_file.collect(),
+            }
         });
         found.filter(|found| !found.problems.is_empty()).collect()
     })
@@ -71,7 +89,10 @@ pub struct Findings {
 /// Each file with its problems, rendered.
 #[must_use]
 pub fn drawn(found: &[Findings]) -> String {
-    let drawn: Vec<_> = found.iter().map(|it| draw(&it.path, &it.text, &it.problems)).collect();
+    let drawn: Vec<_> = found
+        .iter()
+        .map(|it| draw(&it.path, &it.text, &it.problems))
+        .collect();
     drawn.join("\n\n")
 }
 
@@ -81,7 +102,10 @@ pub fn drawn(found: &[Findings]) -> String {
 /// There is none; the nearest identifiers are offered. Or see [`catalog_with`].
 pub fn model(id: &str, dirs: &ModelDirs) -> Result<Arc<Model>, Failure> {
     let catalog = catalog_with(dirs)?;
-    catalog.find(id).cloned().ok_or_else(|| no_model(id, &catalog))
+    catalog
+        .find(id)
+        .cloned()
+        .ok_or_else(|| no_model(id, &catalog))
 }
 
 /// The model called `id` as one complete file.
@@ -100,7 +124,11 @@ pub fn model_text(id: &str, dirs: &ModelDirs) -> Result<String, Failure> {
 pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
     config::load(text, catalog).map_err(|problems| {
         let listed = problems.iter().map(|problem| {
-            let right = problem.right.as_ref().map(|right| format!("; right would be {right}")).unwrap_or_default();
+            let right = problem
+                .right
+                .as_ref()
+                .map(|right| format!("; right would be {right}"))
+                .unwrap_or_default();
             format!("{}: {}{right}", problem.key, problem.what)
         });
         Failure::wrong(listed.collect::<Vec<_>>().join("\n"))
@@ -108,7 +136,10 @@ pub fn config_of(text: &str, catalog: &Catalog) -> Result<Config, Failure> {
 }
 
 fn no_model(id: &str, catalog: &Catalog) -> Failure {
-    let near: Vec<_> = nearest_names(id, catalog.ids()).into_iter().map(str::to_owned).collect();
+    let near: Vec<_> = nearest_names(id, catalog.ids())
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
     let hint = match alternatives(&near) {
         near if near.is_empty() => "`vfd-gateway models list` shows all of them".to_owned(),
         near => format!("did you mean {near}?"),
@@ -143,12 +174,17 @@ pub fn looked_through(path: &Path) -> Result<(Result<Config, Vec<Findings>>, Str
     let text = read(path)?;
     let built_in = vendors::catalog();
     let (own, mut problems) = own_models_of(&config::model_dirs(&text));
-    let of_this = |problems| Findings { path: path.to_owned(), text: text.clone(), problems };
+    let of_this = |problems| Findings {
+        path: path.to_owned(),
+        text: text.clone(),
+        problems,
+    };
     let (catalog, mut found) = match join(built_in.clone(), &own) {
         Ok(catalog) if problems.is_empty() => {
             let site = tried_at_site(&text);
             let site = site.as_ref().map_err(String::as_str);
-            let loaded = config::load_at_site(&text, &catalog, site).map_err(|problems| vec![of_this(problems)]);
+            let loaded = config::load_at_site(&text, &catalog, site)
+                .map_err(|problems| vec![of_this(problems)]);
             return Ok((loaded, text));
         }
         Ok(catalog) => (catalog, Vec::new()),
@@ -177,19 +213,33 @@ pub fn judged(path: &Path, text: &str) -> Result<Judged, Failure> {
 
 /// What was tried at the drives of the configuration in `text`: nothing without a data directory or a file in it.
 fn tried_at_site(text: &str) -> Result<Qualified, String> {
-    config::data_dir(text).map_or_else(|| Ok(Qualified::default()), |dir| qualified_file::read(&dir))
+    config::data_dir(text).map_or_else(
+        || Ok(Qualified::default()),
+        |dir| qualified_file::read(&dir),
+    )
 }
 
 /// The model files in `dirs`, each once, and what cannot be read, at the place where the directory is named.
 fn own_models_of(dirs: &[Spanned<PathBuf>]) -> (OwnModels, Vec<Problem>) {
     let mut own = OwnModels::default();
     let mut problems = Vec::new();
-    for (at, Spanned { value: dir, location }) in dirs.iter().enumerate() {
+    for (
+        at,
+        Spanned {
+            value: dir,
+            location,
+        },
+    ) in dirs.iter().enumerate()
+    {
         if dirs.iter().take(at).any(|earlier| earlier.value == *dir) {
             continue;
         }
         let unread = own.read_dir(dir);
-        problems.extend(unread.into_iter().map(|it| location.problem(it.what).right(it.right)));
+        problems.extend(
+            unread
+                .into_iter()
+                .map(|it| location.problem(it.what).right(it.right)),
+        );
     }
     (own, problems)
 }
@@ -202,28 +252,50 @@ const LINES_MAX: usize = 5;
 pub fn draw(path: &Path, text: &str, problems: &[Problem]) -> String {
     let file = path.display().to_string();
     let text = &config::without_secrets(text);
-    let renderer = if std::io::stderr().is_terminal() { Renderer::styled() } else { Renderer::plain() };
+    let renderer = if std::io::stderr().is_terminal() {
+        Renderer::styled()
+    } else {
+        Renderer::plain()
+    };
     let mut drawn: Vec<String> = folded(problems)
         .iter()
-        .map(|(problem, equal)| renderer.render(&[group(&file, text, problem, same_in(text, equal).as_deref())]))
+        .map(|(problem, equal)| {
+            renderer.render(&[group(&file, text, problem, same_in(text, equal).as_deref())])
+        })
         .collect();
     let warnings = problems.iter().filter(|problem| problem.is_warning).count();
-    let counts = [(problems.len() - warnings, "problem"), (warnings, "warning")];
+    let counts = [
+        (problems.len() - warnings, "problem"),
+        (warnings, "warning"),
+    ];
     let counts = counts.into_iter().filter(|(count, _)| *count > 0);
-    let counts = counts.map(|(count, what)| format!("{count} {what}{}", if count == 1 { "" } else { "s" }));
+    let counts =
+        counts.map(|(count, what)| format!("{count} {what}{}", if count == 1 { "" } else { "s" }));
     drawn.push(format!("{file}: {}", counts.collect::<Vec<_>>().join(", ")));
     drawn.join("\n\n")
 }
 
 /// Each problem, with those that say the same of the same key in other tables of a list.
 fn folded(problems: &[Problem]) -> Vec<(&Problem, Vec<&Problem>)> {
-    let without_places = |key: &str| key.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+    let without_places = |key: &str| {
+        key.chars()
+            .filter(|c| !c.is_ascii_digit())
+            .collect::<String>()
+    };
     let said = |problem: &Problem| {
-        (problem.is_warning, without_places(&problem.key), problem.what.clone(), problem.right.clone())
+        (
+            problem.is_warning,
+            without_places(&problem.key),
+            problem.what.clone(),
+            problem.right.clone(),
+        )
     };
     let mut folded: Vec<(&Problem, Vec<&Problem>)> = Vec::new();
     for problem in problems {
-        match folded.iter_mut().find(|(first, _)| said(first) == said(problem)) {
+        match folded
+            .iter_mut()
+            .find(|(first, _)| said(first) == said(problem))
+        {
             Some((_, equal)) => equal.push(problem),
             None => folded.push((problem, Vec::new())),
         }
@@ -233,17 +305,34 @@ fn folded(problems: &[Problem]) -> Vec<(&Problem, Vec<&Problem>)> {
 
 /// Where else a problem is; `None` if nowhere.
 fn same_in(text: &str, equal: &[&Problem]) -> Option<String> {
-    let lines: Vec<_> = equal.iter().map(|problem| problem.place_in(text).0.to_string()).collect();
+    let lines: Vec<_> = equal
+        .iter()
+        .map(|problem| problem.place_in(text).0.to_string())
+        .collect();
     let what = if lines.len() == 1 { "line" } else { "lines" };
     (!lines.is_empty()).then(|| format!("the same in {what} {}", few(&lines, LINES_MAX)))
 }
 
-fn group<'a>(file: &'a str, text: &'a str, problem: &'a Problem, same: Option<&'a str>) -> Group<'a> {
-    let annotation = AnnotationKind::Primary.span(problem.span.clone()).label(problem.key.as_str());
+fn group<'a>(
+    file: &'a str,
+    text: &'a str,
+    problem: &'a Problem,
+    same: Option<&'a str>,
+) -> Group<'a> {
+    let annotation = AnnotationKind::Primary
+        .span(problem.span.clone())
+        .label(problem.key.as_str());
     let location = Snippet::source(text).path(file).annotation(annotation);
-    let level = if problem.is_warning { Level::WARNING } else { Level::ERROR };
+    let level = if problem.is_warning {
+        Level::WARNING
+    } else {
+        Level::ERROR
+    };
     let group = level.primary_title(problem.what.as_str()).element(location);
-    let help = problem.right.iter().map(|right| Level::HELP.message(right.as_str()));
+    let help = problem
+        .right
+        .iter()
+        .map(|right| Level::HELP.message(right.as_str()));
     let note = same.map(|same| Level::NOTE.message(same));
     help.chain(note).fold(group, Group::element)
 }
@@ -257,11 +346,20 @@ mod tests {
     fn what_is_no_file_or_much_too_long_is_not_read() {
         let dir = Dir::new();
         let long = dir.join("long");
-        std::fs::File::create(&long).unwrap().set_len(user_files::BYTES_MAX + 1).unwrap();
-        for (path, why) in [(&*dir, "a regular file is needed"), (&*long, "1048576 bytes are the most")] {
+        std::fs::File::create(&long)
+            .unwrap()
+            .set_len(user_files::BYTES_MAX + 1)
+            .unwrap();
+        for (path, why) in [
+            (&*dir, "a regular file is needed"),
+            (&*long, "1048576 bytes are the most"),
+        ] {
             for told in [read(path).err(), configuration(path).err()] {
                 let told = told.unwrap().to_string();
-                assert!(told.contains(why) && told.contains(&path.display().to_string()), "{told}");
+                assert!(
+                    told.contains(why) && told.contains(&path.display().to_string()),
+                    "{told}"
+                );
             }
         }
     }
@@ -269,14 +367,19 @@ mod tests {
     #[test]
     fn thirty_two_equal_problems_are_drawn_once() {
         let drive = |station: u32| {
-            format!("[[line.drive]]\nname = \"p{station}\"\nmodel = \"hyundai-n7000\"\nstation = {station}\n")
+            format!(
+                "[[line.drive]]\nname = \"p{station}\"\nmodel = \"hyundai-n7000\"\nstation = {station}\n"
+            )
         };
         let drives: String = (1..=32).map(drive).collect();
         let text = format!("[[line]]\nname = \"hall\"\nport = \"/dev/ttyUSB0\"\n{drives}");
         let problems = config::load(&text, &vendors::catalog()).unwrap_err();
         let drawn = draw(Path::new("plant.toml"), &text, &problems);
         assert_eq!(drawn.matches("-->").count(), 1, "{drawn}");
-        assert!(drawn.contains("the same in lines 10, 14, 18, 22, 26 and 26 more"), "{drawn}");
+        assert!(
+            drawn.contains("the same in lines 10, 14, 18, 22, 26 and 26 more"),
+            "{drawn}"
+        );
         assert!(drawn.ends_with("plant.toml: 32 problems"), "{drawn}");
     }
 
@@ -289,14 +392,22 @@ mod tests {
         };
         let mut drawn = 0;
         for folder in ["config", "model"] {
-            let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(folder);
+            let corpus = Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("fuzz/corpus")
+                .join(folder);
             for entry in std::fs::read_dir(corpus).unwrap() {
                 let path = entry.unwrap().path();
                 let Ok(text) = read(&path) else { continue };
                 let problems = problems_of(folder, &text);
-                let errors = problems.iter().filter(|problem| !problem.is_warning).count();
+                let errors = problems
+                    .iter()
+                    .filter(|problem| !problem.is_warning)
+                    .count();
                 let drawn_problems = draw(&path, &text, &problems);
-                assert!(errors == 0 || drawn_problems.contains(&format!("{errors} problem")), "{drawn_problems}");
+                assert!(
+                    errors == 0 || drawn_problems.contains(&format!("{errors} problem")),
+                    "{drawn_problems}"
+                );
                 drawn += problems.len();
             }
         }

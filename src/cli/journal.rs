@@ -59,12 +59,22 @@ enum Which {
 pub fn journal(args: &Args) -> Result<(), Failure> {
     let path = file_in(&args.place.path()?);
     if !path.exists() {
-        return Err(Failure::failed(format!("{}: there is no journal", path.display())));
+        return Err(Failure::failed(format!(
+            "{}: there is no journal",
+            path.display()
+        )));
     }
     let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
-    let damage = match standing(&path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))? {
+    let damage = match standing(&path)
+        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?
+    {
         Standing::New | Standing::Whole => None,
-        Standing::Empty => return Err(Failure::failed(format!("{}: the journal is empty", path.display()))),
+        Standing::Empty => {
+            return Err(Failure::failed(format!(
+                "{}: the journal is empty",
+                path.display()
+            )));
+        }
         Standing::Broken(what) => Some(what),
     };
     let mut lost: Vec<_> = damage.into_iter().collect();
@@ -79,7 +89,10 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
     if args.csv {
         print(COLUMNS)?;
     }
-    let last = args.last.map(|last| last as usize).or(args.since.is_none().then_some(LAST_USUAL));
+    let last = args
+        .last
+        .map(|last| last as usize)
+        .or(args.since.is_none().then_some(LAST_USUAL));
     let mut newest = VecDeque::new();
     let wanted = args.wanted();
     for found in Merged::new(&connection, wanted.tables) {
@@ -104,7 +117,9 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
             }
         }
     }
-    newest.iter().try_for_each(|found| print(&args.shown(found)))?;
+    newest
+        .iter()
+        .try_for_each(|found| print(&args.shown(found)))?;
     match lost.is_empty() {
         true => Ok(()),
         false => Err(Failure::failed(format!(
@@ -116,7 +131,10 @@ pub fn journal(args: &Args) -> Result<(), Failure> {
 }
 
 fn is_damaged(error: &rusqlite::Error) -> bool {
-    matches!(error.sqlite_error_code(), Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase))
+    matches!(
+        error.sqlite_error_code(),
+        Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+    )
 }
 
 impl Args {
@@ -128,7 +146,11 @@ impl Args {
             Which::All => &Table::ALL,
         };
         let since = self.since.map(|since| since.moment(clock::wall()));
-        Wanted { tables, drive: self.drive.clone(), since }
+        Wanted {
+            tables,
+            drive: self.drive.clone(),
+            since,
+        }
     }
 
     fn shown(&self, (table, seen): &(Table, ReadRow)) -> String {

@@ -21,7 +21,9 @@ impl Enter {
                 pressed.fetch_add(1, Ordering::Relaxed);
             }
         };
-        std::thread::Builder::new().name("enter".to_owned()).spawn(listen)?;
+        std::thread::Builder::new()
+            .name("enter".to_owned())
+            .spawn(listen)?;
         Ok(enter)
     }
 

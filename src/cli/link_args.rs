@@ -40,7 +40,11 @@ impl LinkArgs {
             Parity::Even => ParityArg::Even,
             Parity::Odd => ParityArg::Odd,
         };
-        Self { parity: Some(parity), stop_bits: Some(link.stop_bits), rs485: DirectionArg::Adapter }
+        Self {
+            parity: Some(parity),
+            stop_bits: Some(link.stop_bits),
+            rs485: DirectionArg::Adapter,
+        }
     }
 
     /// The parity, if one is given.

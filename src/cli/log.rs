@@ -24,10 +24,18 @@ pub enum Format {
 /// A separate thread writes, so that logging never waits for a reader: lines beyond what the thread holds are lost.
 pub fn start(format: Format, level: &str) -> WorkerGuard {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let (writer, guard) = NonBlockingBuilder::default().lossy(true).buffered_lines_limit(LINES_MAX).finish(Stderr);
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(writer);
+    let (writer, guard) = NonBlockingBuilder::default()
+        .lossy(true)
+        .buffered_lines_limit(LINES_MAX)
+        .finish(Stderr);
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(writer);
     match format {
-        Format::Text => log.with_ansi(io::stderr().is_terminal()).with_target(false).init(),
+        Format::Text => log
+            .with_ansi(io::stderr().is_terminal())
+            .with_target(false)
+            .init(),
         Format::Json => log.json().init(),
     }
     guard

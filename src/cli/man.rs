@@ -29,10 +29,13 @@ pub fn man(args: &Args, command: Command) -> Result<(), Failure> {
             }
             _ => (),
         }
-        return write_all(&command, dir).map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
+        return write_all(&command, dir)
+            .map_err(|error| Failure::failed(format!("{}: {error}", dir.display())));
     }
     let mut page = Vec::new();
-    page_of(&command).render(&mut page).map_err(Failure::failed)?;
+    page_of(&command)
+        .render(&mut page)
+        .map_err(Failure::failed)?;
     print(&String::from_utf8(page).map_err(Failure::failed)?)
 }
 

@@ -60,7 +60,9 @@ pub fn models(args: &Args) -> Result<(), Failure> {
     match &args.action {
         None => list(&args.own, None, false),
         Some(Action::List { vendor, json }) => list(&args.own, vendor.as_deref(), *json),
-        Some(Action::Show { model, toml: true, .. }) => print(&input::model_text(model, &args.own)?),
+        Some(Action::Show {
+            model, toml: true, ..
+        }) => print(&input::model_text(model, &args.own)?),
         Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
         Some(Action::Check { file }) => check_file(file, &args.own),
         Some(Action::New(new)) => new_model::new(new, &args.own),
@@ -71,7 +73,10 @@ fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Fail
     let catalog = input::catalog_with(own)?;
     let models = of_vendor(catalog.models(), vendor)?;
     if as_json {
-        return print(&format!("{:#}\n", Value::Array(models.iter().map(|model| in_short(model)).collect())));
+        return print(&format!(
+            "{:#}\n",
+            Value::Array(models.iter().map(|model| in_short(model)).collect())
+        ));
     }
     let head = ["id", "model", "framings", "unproven", "can be ordered"].map(str::to_owned);
     let rows = models.iter().map(|model| {
@@ -83,7 +88,9 @@ fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Fail
             orders_text(&orders(model)),
         ]
     });
-    print(&table(&std::iter::once(head).chain(rows).collect::<Vec<_>>()))
+    print(&table(
+        &std::iter::once(head).chain(rows).collect::<Vec<_>>(),
+    ))
 }
 
 /// The models whose maker is called `vendor`: by a part of the maker's name, or by the beginning of the identifier.
@@ -96,13 +103,16 @@ fn of_vendor<'a>(
     let wished = vendor.trim().to_lowercase();
     let id_begins = format!("{}-", wished.replace(' ', "-"));
     let is_of = |model: &&&Arc<Model>| {
-        model.id.starts_with(&id_begins) || (!wished.is_empty() && model.vendor.to_lowercase().contains(&wished))
+        model.id.starts_with(&id_begins)
+            || (!wished.is_empty() && model.vendor.to_lowercase().contains(&wished))
     };
     let found: Vec<_> = all.iter().filter(is_of).copied().collect();
     if found.is_empty() {
         let makers: BTreeSet<_> = all.iter().map(|model| model.vendor.as_str()).collect();
         let makers = makers.into_iter().collect::<Vec<_>>().join(", ");
-        return Err(Failure::wrong(format!("no model is of a maker {vendor}; there are models of {makers}")));
+        return Err(Failure::wrong(format!(
+            "no model is of a maker {vendor}; there are models of {makers}"
+        )));
     }
     Ok(found)
 }
@@ -118,19 +128,39 @@ fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
 /// Reports the problems of the file at `path`, or what of it is unproven.
 pub(super) fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let mut files = input::own_models(own)?;
-    files.read_file(path).map_err(|unread| Failure::wrong(unread.what))?;
+    files
+        .read_file(path)
+        .map_err(|unread| Failure::wrong(unread.what))?;
     let catalog = input::joined(&files)?;
-    let id = files.files().find(|(other, _)| *other == path).and_then(|(_, text)| id_of(text));
-    let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else { return Ok(()) };
-    let mut text = format!("{} is sound: {} registers\n", model.id, model.registers.len());
+    let id = files
+        .files()
+        .find(|(other, _)| *other == path)
+        .and_then(|(_, text)| id_of(text));
+    let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else {
+        return Ok(());
+    };
+    let mut text = format!(
+        "{} is sound: {} registers\n",
+        model.id,
+        model.registers.len()
+    );
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
     let basics = model.unproven_basics();
     if !basics.is_empty() {
         text.push_str("a drive of it takes orders only with accept_unverified = [\"basic\"]\n");
     }
     for basic in basics {
-        let sources = if basic.also.is_some() { "two independent sources" } else { "one source" };
-        let _ = writeln!(text, "  {}: {}, {sources}", basic.what, basic.confidence.word());
+        let sources = if basic.also.is_some() {
+            "two independent sources"
+        } else {
+            "one source"
+        };
+        let _ = writeln!(
+            text,
+            "  {}: {}, {sources}",
+            basic.what,
+            basic.confidence.word()
+        );
     }
     text.push_str(&unproven_text(&model));
     print(&text)
@@ -149,11 +179,18 @@ fn unproven_text(model: &Model) -> String {
 }
 
 fn framings(model: &Model) -> Vec<&'static str> {
-    model.link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing)).collect()
+    model
+        .link
+        .framings
+        .value
+        .iter()
+        .map(|framing| word_for(&FRAMINGS, framing))
+        .collect()
 }
 
 fn in_short(model: &Model) -> Value {
-    let order = |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.word() });
+    let order =
+        |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.word() });
     let orders = orders(model).unwrap_or_default();
     json!({
         "id": model.id,
@@ -169,12 +206,21 @@ fn in_short(model: &Model) -> Value {
 fn in_full(model: &Model) -> Value {
     let mut value = in_short(model);
     let unproven = Unproven::of(model);
-    let unproven = unproven.groups().map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
+    let unproven = unproven
+        .groups()
+        .map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
     value["unproven"] = Value::Object(unproven.collect());
-    let second = model.second_sources.iter().map(|it| (it.key.clone(), json!(it.source)));
+    let second = model
+        .second_sources
+        .iter()
+        .map(|it| (it.key.clone(), json!(it.source)));
     value["second_sources"] = Value::Object(second.collect());
     value["registers"] = model.registers.iter().map(of_register).collect();
-    value["documents"] = model.documents.iter().map(|document| of_document(document, model)).collect();
+    value["documents"] = model
+        .documents
+        .iter()
+        .map(|document| of_document(document, model))
+        .collect();
     value
 }
 
@@ -213,11 +259,20 @@ fn of_register(register: &Register) -> Value {
 
 /// The rows with each column as wide as its widest cell.
 fn table<const N: usize>(rows: &[[String; N]]) -> String {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
     let widths: [usize; N] = std::array::from_fn(width);
     let mut text = String::new();
     for row in rows {
-        let cells: Vec<_> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:width$}")).collect();
+        let cells: Vec<_> = row
+            .iter()
+            .zip(widths)
+            .map(|(cell, width)| format!("{cell:width$}"))
+            .collect();
         let _ = writeln!(text, "{}", cells.join("  ").trim_end());
     }
     text
@@ -233,14 +288,31 @@ mod tests {
         let catalog = vendors::catalog();
         let ids = |vendor| {
             let found = of_vendor(catalog.models(), Some(vendor)).map_err(|why| why.to_string());
-            found.map(|found| found.iter().map(|model| model.id.clone()).collect::<Vec<_>>())
+            found.map(|found| {
+                found
+                    .iter()
+                    .map(|model| model.id.clone())
+                    .collect::<Vec<_>>()
+            })
         };
-        assert_eq!(ids("eaton").unwrap(), ["eaton-dc1", "eaton-de1", "eaton-mmax"]);
-        assert_eq!(ids("Control Techniques").unwrap(), ids("control-techniques").unwrap());
+        assert_eq!(
+            ids("eaton").unwrap(),
+            ["eaton-dc1", "eaton-de1", "eaton-mmax"]
+        );
+        assert_eq!(
+            ids("Control Techniques").unwrap(),
+            ids("control-techniques").unwrap()
+        );
         assert_eq!(ids(" EATON ").unwrap().len(), 3);
-        assert_eq!(of_vendor(catalog.models(), None).unwrap().len(), catalog.ids().count());
+        assert_eq!(
+            of_vendor(catalog.models(), None).unwrap().len(),
+            catalog.ids().count()
+        );
         let told = ids("etaon").unwrap_err();
-        assert!(told.contains("no model is of a maker etaon") && told.contains("Danfoss, Delta, Eaton"), "{told}");
+        assert!(
+            told.contains("no model is of a maker etaon") && told.contains("Danfoss, Delta, Eaton"),
+            "{told}"
+        );
         assert!(ids("").is_err());
     }
 }

@@ -17,8 +17,13 @@ pub enum Tone {
 /// `word` in the colour of `tone` if stdout is a terminal, unless `NO_COLOR` is set (https://no-color.org).
 #[must_use]
 pub fn toned(tone: Tone, word: &str) -> String {
-    let is_coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
-    if is_coloured { coloured(tone, word) } else { word.to_owned() }
+    let is_coloured = std::io::stdout().is_terminal()
+        && std::env::var_os("NO_COLOR").is_none_or(|it| it.is_empty());
+    if is_coloured {
+        coloured(tone, word)
+    } else {
+        word.to_owned()
+    }
 }
 
 fn coloured(tone: Tone, word: &str) -> String {
@@ -34,7 +39,9 @@ fn coloured(tone: Tone, word: &str) -> String {
 #[must_use]
 pub fn few(names: &[String], most: usize) -> String {
     match names.split_at_checked(most) {
-        Some((first, rest)) if !rest.is_empty() => format!("{} and {} more", first.join(", "), rest.len()),
+        Some((first, rest)) if !rest.is_empty() => {
+            format!("{} and {} more", first.join(", "), rest.len())
+        }
         _ => names.join(", "),
     }
 }

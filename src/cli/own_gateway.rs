@@ -95,7 +95,10 @@ impl DriveArgs {
     /// # Errors
     /// None is given, or there is none of this name.
     pub fn model(&self) -> Result<Arc<Model>, Failure> {
-        let id = self.model.as_deref().ok_or_else(|| Failure::wrong("directly on a port, --model is needed"))?;
+        let id = self
+            .model
+            .as_deref()
+            .ok_or_else(|| Failure::wrong("directly on a port, --model is needed"))?;
         input::model(id, &self.own)
     }
 
@@ -164,7 +167,9 @@ impl Directory {
     /// It cannot be made.
     pub fn new() -> Result<Self, Failure> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_dir());
+        let of_session = std::env::var_os("XDG_RUNTIME_DIR")
+            .map(PathBuf::from)
+            .filter(|dir| dir.is_dir());
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         let name = format!("vfd-gateway-tool-{}-{number}", std::process::id());
         let path = of_session.unwrap_or_else(std::env::temp_dir).join(name);
@@ -192,40 +197,79 @@ impl OwnGateway {
     ///
     /// # Errors
     /// The arguments do not go together, the port is in use (and by whom), or the drive does not answer.
-    pub async fn start(port: &PortAddress, args: &DriveArgs, extra: &Extra) -> Result<Self, Failure> {
+    pub async fn start(
+        port: &PortAddress,
+        args: &DriveArgs,
+        extra: &Extra,
+    ) -> Result<Self, Failure> {
         let model = args.model()?;
-        let station = args.station.ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
+        let station = args
+            .station
+            .ok_or_else(|| Failure::wrong("directly on a port, --station is needed"))?;
         let directory = Directory::new()?;
-        let link = if port.is_serial_line() { link_of(args, &model)? } else { no_link_of(args)? };
+        let link = if port.is_serial_line() {
+            link_of(args, &model)?
+        } else {
+            no_link_of(args)?
+        };
         let text = text(port, args, link, station, &model, extra, &directory.0);
         let config = input::config_of(&text, &args.catalog()?)?;
-        let line = config.lines.first().ok_or_else(|| Failure::failed("no line"))?;
-        let drive = line.drives.first().map_or_else(Name::fallback, |drive| drive.name.clone());
+        let line = config
+            .lines
+            .first()
+            .ok_or_else(|| Failure::failed("no line"))?;
+        let drive = line
+            .drives
+            .first()
+            .map_or_else(Name::fallback, |drive| drive.name.clone());
         let link = line.link;
-        let tool_port = ToolPort { address: port.clone(), link, direction: line.direction };
+        let tool_port = ToolPort {
+            address: port.clone(),
+            link,
+            direction: line.direction,
+        };
         tool_port.try_open("tool").await?;
         let (shows, shown) = oneshot::channel();
         let (end, ends) = oneshot::channel();
         let (connections, made) = mpsc::channel(1);
-        let thread = std::thread::Builder::new().name("gateway".to_owned()).spawn(move || {
-            run::run_for_tool(&config, made, async move |running: &run::Running<'_>| {
-                // The waiting task may have exited.
-                let _ = shows.send(running.shared.clone());
-                let _ = ends.await;
-            })
-        });
+        let thread = std::thread::Builder::new()
+            .name("gateway".to_owned())
+            .spawn(move || {
+                run::run_for_tool(&config, made, async move |running: &run::Running<'_>| {
+                    // The waiting task may have exited.
+                    let _ = shows.send(running.shared.clone());
+                    let _ = ends.await;
+                })
+            });
         let thread = thread.map_err(Failure::failed)?;
         let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
         let Ok(Ok(current)) = told else {
-            let why = thread.is_finished().then(|| thread.join().ok()).flatten().and_then(Result::err);
+            let why = thread
+                .is_finished()
+                .then(|| thread.join().ok())
+                .flatten()
+                .and_then(Result::err);
             let why = why.map_or_else(|| "it does not start".to_owned(), |error| error.to_string());
             return Err(Failure::failed(why));
         };
-        let own = Self { directory, connections, drive, station, end: Some(end), thread: Some(thread) };
+        let own = Self {
+            directory,
+            connections,
+            drive,
+            station,
+            end: Some(end),
+            thread: Some(thread),
+        };
         if let Err(why) = answers(&current).await {
             own.close().await;
-            let at = if port.is_serial_line() { format!(" at {link}") } else { String::new() };
-            return Err(Failure::failed(format!("station {station} on {port}{at}: {why}")));
+            let at = if port.is_serial_line() {
+                format!(" at {link}")
+            } else {
+                String::new()
+            };
+            return Err(Failure::failed(format!(
+                "station {station} on {port}{at}: {why}"
+            )));
         }
         Ok(own)
     }
@@ -269,7 +313,10 @@ async fn answers(current: &Current) -> Result<(), String> {
     let until = Instant::now() + ANSWERS_WITHIN;
     loop {
         let shared = current.get();
-        let presence = shared.drives.first().map(|drive| drive.view.load().snapshot.presence);
+        let presence = shared
+            .drives
+            .first()
+            .map(|drive| drive.view.load().snapshot.presence);
         if presence == Some(Presence::Online) {
             return Ok(());
         }
@@ -277,7 +324,10 @@ async fn answers(current: &Current) -> Result<(), String> {
         if presence == Some(Presence::Offline) || Instant::now() >= until {
             let down = report.as_ref().and_then(LineReport::down_reason);
             let why = down.or_else(|| Some(report?.suspicion?.to_string()));
-            return Err(format!("no answer{}", why.map(|why| format!(": {why}")).unwrap_or_default()));
+            return Err(format!(
+                "no answer{}",
+                why.map(|why| format!(": {why}")).unwrap_or_default()
+            ));
         }
         sleep(LOOK_EVERY).await;
     }
@@ -285,19 +335,40 @@ async fn answers(current: &Current) -> Result<(), String> {
 
 /// The settings of the line: as given, else as the model leaves the factory.
 fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
-    let framing = if args.ascii { Framing::Ascii } else { Framing::Rtu };
+    let framing = if args.ascii {
+        Framing::Ascii
+    } else {
+        Framing::Rtu
+    };
     let factory = model.link.factory_with(framing);
-    let (given, of) = ((args.baud, args.link.parity(), args.link.stop_bits), |part: &str| {
-        let why = match &model.link.default.value {
-            Factory::Ask(text) => format!("the factory setting of {} is not known: {text}", model.id),
-            Factory::Set(settings) => format!("{} leaves the factory with ASCII frames at {settings}", model.id),
-        };
-        Failure::wrong(format!("{part} is needed; {why}"))
-    });
+    let (given, of) = (
+        (args.baud, args.link.parity(), args.link.stop_bits),
+        |part: &str| {
+            let why = match &model.link.default.value {
+                Factory::Ask(text) => {
+                    format!("the factory setting of {} is not known: {text}", model.id)
+                }
+                Factory::Set(settings) => format!(
+                    "{} leaves the factory with ASCII frames at {settings}",
+                    model.id
+                ),
+            };
+            Failure::wrong(format!("{part} is needed; {why}"))
+        },
+    );
     Ok(LinkSettings {
-        baud: given.0.or(factory.map(|it| it.baud)).ok_or_else(|| of("--baud"))?,
-        parity: given.1.or(factory.map(|it| it.parity)).ok_or_else(|| of("--parity"))?,
-        stop_bits: given.2.or(factory.map(|it| it.stop_bits)).ok_or_else(|| of("--stop-bits"))?,
+        baud: given
+            .0
+            .or(factory.map(|it| it.baud))
+            .ok_or_else(|| of("--baud"))?,
+        parity: given
+            .1
+            .or(factory.map(|it| it.parity))
+            .ok_or_else(|| of("--parity"))?,
+        stop_bits: given
+            .2
+            .or(factory.map(|it| it.stop_bits))
+            .ok_or_else(|| of("--stop-bits"))?,
         data_bits: factory.map_or(8, |it| it.data_bits),
     })
 }
@@ -305,7 +376,9 @@ fn link_of(args: &DriveArgs, model: &Model) -> Result<LinkSettings, Failure> {
 /// Over Modbus TCP there are no settings of a line.
 fn no_link_of(args: &DriveArgs) -> Result<LinkSettings, Failure> {
     if args.baud.is_some() || args.link.is_given() || args.ascii || args.echo {
-        return Err(Failure::wrong("Modbus TCP has no speed, characters or echo: leave these options out"));
+        return Err(Failure::wrong(
+            "Modbus TCP has no speed, characters or echo: leave these options out",
+        ));
     }
     Ok(LinkSettings::DEFAULT)
 }
@@ -326,9 +399,14 @@ fn text(
         json!(port.to_string()),
     );
     if port.is_serial_line() {
-        let LinkSettings { baud, stop_bits, .. } = link;
+        let LinkSettings {
+            baud, stop_bits, ..
+        } = link;
         let parity = word_for(&PARITIES, &link.parity);
-        let _ = writeln!(text, "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}");
+        let _ = writeln!(
+            text,
+            "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}"
+        );
     }
     if matches!(port, PortAddress::Device(_)) {
         let _ = writeln!(text, "rs485 = \"{}\"", args.link.direction_word());
@@ -352,12 +430,24 @@ fn text(
     let mut write = "";
     if !extra.control.is_empty() {
         let _ = write!(text, "\n[line.drive.control]\n{}", extra.control);
-        let _ = writeln!(text, "accept_unverified = {}", json!(accepted(model, extra)));
+        let _ = writeln!(
+            text,
+            "accept_unverified = {}",
+            json!(accepted(model, extra))
+        );
         write = "write = [\"127.0.0.1/32\"]\n";
     }
     if !extra.native_write.is_empty() {
-        let registers: Vec<_> = extra.native_write.iter().map(|address| format!("0x{address:04X}")).collect();
-        let _ = write!(text, "\n[line.drive.native]\nwrite = {}\n", json!(registers));
+        let registers: Vec<_> = extra
+            .native_write
+            .iter()
+            .map(|address| format!("0x{address:04X}"))
+            .collect();
+        let _ = write!(
+            text,
+            "\n[line.drive.native]\nwrite = {}\n",
+            json!(registers)
+        );
     }
     // No server listens there: the section grants the tool its rights.
     let _ = write!(text, "\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n{write}");
@@ -387,15 +477,43 @@ mod tests {
         for model in catalog.ids().map(|id| catalog.find(id).unwrap()) {
             let commands = control((5.0, 50.0), "forward", "stop");
             let basic = ControlAction::Basic.word().to_owned();
-            let unproven = if model.unproven_basics().is_empty() { Vec::new() } else { vec![basic] };
-            let ways = [(String::new(), false), (Extra::control_at_rest(), false), (commands, true)];
+            let unproven = if model.unproven_basics().is_empty() {
+                Vec::new()
+            } else {
+                vec![basic]
+            };
+            let ways = [
+                (String::new(), false),
+                (Extra::control_at_rest(), false),
+                (commands, true),
+            ];
             let full_scale_hz = model.needs_full_scale().then_some(50.0);
-            let args = DriveArgs { full_scale_hz, ..DriveArgs::default() };
-            for (control, moves) in ways.into_iter().take(if model.run.is_none() { 1 } else { 3 }) {
+            let args = DriveArgs {
+                full_scale_hz,
+                ..DriveArgs::default()
+            };
+            for (control, moves) in ways
+                .into_iter()
+                .take(if model.run.is_none() { 1 } else { 3 })
+            {
                 let poll = (!control.is_empty()).then_some(Duration::from_millis(500));
                 let accept_unverified = if moves { unproven.clone() } else { Vec::new() };
-                let extra = Extra { control, moves, accept_unverified, poll, native_write: Vec::new() };
-                let text = text(&port, &args, model.link.played(), 1, model, &extra, Path::new("/run/x"));
+                let extra = Extra {
+                    control,
+                    moves,
+                    accept_unverified,
+                    poll,
+                    native_write: Vec::new(),
+                };
+                let text = text(
+                    &port,
+                    &args,
+                    model.link.played(),
+                    1,
+                    model,
+                    &extra,
+                    Path::new("/run/x"),
+                );
                 if let Err(failure) = input::config_of(&text, &catalog) {
                     panic!("{}: {failure}\n{text}", model.id);
                 }

@@ -36,7 +36,10 @@ pub struct Unread {
 
 impl Unread {
     fn new(path: &Path, reason: impl Display, right: &'static str) -> Self {
-        Self { what: format!("{}: {reason}", path.display()), right }
+        Self {
+            what: format!("{}: {reason}", path.display()),
+            right,
+        }
     }
 }
 
@@ -72,14 +75,17 @@ impl OwnModels {
     pub fn read_file(&mut self, path: &Path) -> Result<(), Unread> {
         let text = text_of(path)?;
         let place = fs::canonicalize(path).ok();
-        self.files.retain(|(other, _)| fs::canonicalize(other).ok() != place);
+        self.files
+            .retain(|(other, _)| fs::canonicalize(other).ok() != place);
         self.files.push((path.to_owned(), text));
         Ok(())
     }
 
     /// Path and text of each file.
     pub fn files(&self) -> impl Iterator<Item = (&Path, &str)> {
-        self.files.iter().map(|(path, text)| (path.as_path(), text.as_str()))
+        self.files
+            .iter()
+            .map(|(path, text)| (path.as_path(), text.as_str()))
     }
 }
 
@@ -115,7 +121,10 @@ mod tests {
     fn a_model_file_that_is_much_too_long_is_not_read() {
         let dir = Dir::new();
         let long = dir.join("long.toml");
-        fs::File::create(&long).unwrap().set_len(BYTES_MAX + 1).unwrap();
+        fs::File::create(&long)
+            .unwrap()
+            .set_len(BYTES_MAX + 1)
+            .unwrap();
         assert!(text_of(&long).is_err());
         fs::write(&long, "id = 1").unwrap();
         assert_eq!(text_of(&long).ok().as_deref(), Some("id = 1"));

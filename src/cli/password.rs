@@ -3,7 +3,9 @@
 use super::{Failure, log, print};
 use crate::north::operator::password::{PASSWORD_CHARS, StoredHash};
 use ring::rand::{SecureRandom, SystemRandom};
-use rustix::termios::{LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcsetattr};
+use rustix::termios::{
+    LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcsetattr,
+};
 use std::io::{self, Read, Stdin};
 
 /// Longest line that is read, in bytes.
@@ -29,7 +31,11 @@ pub struct Args {}
 /// Asks for a password, twice on a terminal, and prints its hash.
 pub fn password(_: &Args) -> Result<(), Failure> {
     let stdin = io::stdin();
-    let password = if isatty(&stdin) { ask_twice(&stdin)? } else { read_line(&stdin)?.0 };
+    let password = if isatty(&stdin) {
+        ask_twice(&stdin)?
+    } else {
+        read_line(&stdin)?.0
+    };
     print(&format!("{}\n", hashed(&password)?.as_str()))?;
     log::complain(WHERE.as_bytes());
     Ok(())
@@ -41,7 +47,9 @@ pub fn password(_: &Args) -> Result<(), Failure> {
 /// It is too short or too long.
 pub(super) fn hashed(password: &str) -> Result<StoredHash, Failure> {
     let mut salt = [0; 16];
-    SystemRandom::new().fill(&mut salt).map_err(|_| Failure::failed("no random numbers from the system"))?;
+    SystemRandom::new()
+        .fill(&mut salt)
+        .map_err(|_| Failure::failed("no random numbers from the system"))?;
     StoredHash::make(password, &salt).ok_or_else(|| {
         let least = PASSWORD_CHARS.start();
         let most = PASSWORD_CHARS.end();
@@ -54,10 +62,18 @@ fn ask_twice(stdin: &Stdin) -> Result<String, Failure> {
     let ask = |prompt: &str| {
         log::complain(prompt.as_bytes());
         let (line, is_cancelled) = read_line(stdin)?;
-        if is_cancelled { Err(Failure::failed("\nnothing was made")) } else { Ok(line) }
+        if is_cancelled {
+            Err(Failure::failed("\nnothing was made"))
+        } else {
+            Ok(line)
+        }
     };
     let password = ask("Password: ")?;
-    if ask("The same again: ")? == password { Ok(password) } else { Err(Failure::wrong("the passwords differ")) }
+    if ask("The same again: ")? == password {
+        Ok(password)
+    } else {
+        Err(Failure::wrong("the passwords differ"))
+    }
 }
 
 /// The next line without its end, and whether it ends with Ctrl-C.
@@ -70,8 +86,12 @@ fn read_line(stdin: &Stdin) -> Result<(String, bool), Failure> {
             byte => line.push(byte),
         }
     }
-    let line = String::from_utf8(line).map_err(|_| Failure::wrong("the password is not valid UTF-8"))?;
-    Ok((line.strip_suffix('\r').map(str::to_owned).unwrap_or(line), false))
+    let line =
+        String::from_utf8(line).map_err(|_| Failure::wrong("the password is not valid UTF-8"))?;
+    Ok((
+        line.strip_suffix('\r').map(str::to_owned).unwrap_or(line),
+        false,
+    ))
 }
 
 /// A terminal that echoes only the ends of lines, until this is dropped.
@@ -85,8 +105,12 @@ impl<'t> Silence<'t> {
         let before = tcgetattr(terminal)?;
         let mut silent = before.clone();
         // Ctrl-C would end the program and leave the terminal without echo: it ends the line instead.
-        silent.local_modes.remove(LocalModes::ECHO | LocalModes::ISIG);
-        silent.local_modes.insert(LocalModes::ECHONL | LocalModes::ICANON);
+        silent
+            .local_modes
+            .remove(LocalModes::ECHO | LocalModes::ISIG);
+        silent
+            .local_modes
+            .insert(LocalModes::ECHONL | LocalModes::ICANON);
         silent.special_codes[SpecialCodeIndex::VEOL] = CTRL_C;
         tcsetattr(terminal, OptionalActions::Flush, &silent)?;
         Ok(Self { terminal, before })

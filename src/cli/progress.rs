@@ -21,7 +21,12 @@ impl Bar {
     /// A bar with this many steps.
     #[must_use]
     pub fn new(all: usize) -> Self {
-        Self { all, done: 0, what: String::new(), is_terminal: io::stderr().is_terminal() }
+        Self {
+            all,
+            done: 0,
+            what: String::new(),
+            is_terminal: io::stderr().is_terminal(),
+        }
     }
 
     /// One step is done.
@@ -66,7 +71,12 @@ impl Bar {
         let all = self.all.max(1);
         let filled = WIDTH * self.done / all;
         let per_cent = 100 * self.done / all;
-        format!("[{}{}] {per_cent:3} % {}", "#".repeat(filled), "-".repeat(WIDTH - filled), self.what)
+        format!(
+            "[{}{}] {per_cent:3} % {}",
+            "#".repeat(filled),
+            "-".repeat(WIDTH - filled),
+            self.what
+        )
     }
 }
 
@@ -87,22 +97,49 @@ mod tests {
 
     #[test]
     fn a_bar_fills_from_left_to_right_and_no_further() {
-        let mut bar = Bar { all: 4, done: 0, what: "9600 8N1".to_owned(), is_terminal: false };
+        let mut bar = Bar {
+            all: 4,
+            done: 0,
+            what: "9600 8N1".to_owned(),
+            is_terminal: false,
+        };
         assert_eq!(bar.text(), format!("[{}]   0 % 9600 8N1", "-".repeat(30)));
         bar.step();
-        assert!(bar.text().starts_with("[#######-") && bar.text().contains(" 25 %"), "{}", bar.text());
+        assert!(
+            bar.text().starts_with("[#######-") && bar.text().contains(" 25 %"),
+            "{}",
+            bar.text()
+        );
         for _ in 0..9 {
             bar.step();
         }
-        assert!(bar.text().starts_with(&format!("[{}] 100 %", "#".repeat(30))), "{}", bar.text());
-        assert!(Bar { all: 0, done: 0, what: String::new(), is_terminal: false }.text().contains("  0 %"));
+        assert!(
+            bar.text()
+                .starts_with(&format!("[{}] 100 %", "#".repeat(30))),
+            "{}",
+            bar.text()
+        );
+        assert!(
+            Bar {
+                all: 0,
+                done: 0,
+                what: String::new(),
+                is_terminal: false
+            }
+            .text()
+            .contains("  0 %")
+        );
     }
 
     #[test]
     fn times_are_rounded_up() {
-        for (millis, text) in
-            [(0, "0 s"), (1, "1 s"), (59_500, "1 min 0 s"), (200_000, "3 min 20 s"), (7_500_000, "2 h 5 min")]
-        {
+        for (millis, text) in [
+            (0, "0 s"),
+            (1, "1 s"),
+            (59_500, "1 min 0 s"),
+            (200_000, "3 min 20 s"),
+            (7_500_000, "2 h 5 min"),
+        ] {
             assert_eq!(seconds(Duration::from_millis(millis)), text);
         }
     }

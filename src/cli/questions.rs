@@ -29,12 +29,17 @@ impl<R: BufRead> Questions<R> {
         std::io::stdout().flush().map_err(Failure::failed)?;
         let mut line = Vec::new();
         let mut limited = std::io::Read::take(&mut self.input, LINE_BYTES_MAX);
-        if limited.read_until(b'\n', &mut line).map_err(Failure::failed)? == 0 {
+        if limited
+            .read_until(b'\n', &mut line)
+            .map_err(Failure::failed)?
+            == 0
+        {
             return Err(Failure::failed(format!(
                 "\nthe input ended before \"{question}\" was answered; nothing was written"
             )));
         }
-        let line = String::from_utf8(line).map_err(|_| Failure::wrong("the answer is not valid UTF-8"))?;
+        let line =
+            String::from_utf8(line).map_err(|_| Failure::wrong("the answer is not valid UTF-8"))?;
         Ok(line.trim().to_owned())
     }
 
@@ -68,13 +73,23 @@ impl<R: BufRead> Questions<R> {
             None | Some("") => question.to_owned(),
             Some(default) => format!("{question} [{default}]"),
         };
-        self.ask_until(&shown, |answer| parse(if answer.is_empty() { default.unwrap_or_default() } else { answer }))
+        self.ask_until(&shown, |answer| {
+            parse(if answer.is_empty() {
+                default.unwrap_or_default()
+            } else {
+                answer
+            })
+        })
     }
 
     /// A password, which the terminal does not show.
     pub fn secret(&mut self, question: &str) -> Result<String, Failure> {
         let stdin = std::io::stdin();
-        let silence = if isatty(&stdin) { Some(Silence::begin(&stdin).map_err(Failure::failed)?) } else { None };
+        let silence = if isatty(&stdin) {
+            Some(Silence::begin(&stdin).map_err(Failure::failed)?)
+        } else {
+            None
+        };
         let answer = self.ask_until(question, |answer| match answer {
             "" => Err("an answer is needed".to_owned()),
             CANCELLED => Ok(None),
@@ -86,7 +101,11 @@ impl<R: BufRead> Questions<R> {
 
     /// Text that must not be empty unless there is a `default`.
     pub fn text(&mut self, question: &str, default: &str) -> Result<String, Failure> {
-        let shown = if default.is_empty() { question.to_owned() } else { format!("{question} [{default}]") };
+        let shown = if default.is_empty() {
+            question.to_owned()
+        } else {
+            format!("{question} [{default}]")
+        };
         self.ask_until(&shown, |answer| match (answer, default) {
             ("", "") => Err("an answer is needed".to_owned()),
             ("", default) => Ok(default.to_owned()),
@@ -97,11 +116,13 @@ impl<R: BufRead> Questions<R> {
     /// Yes or no; Enter is `default`.
     pub fn yes(&mut self, question: &str, default: bool) -> Result<bool, Failure> {
         let choice = if default { "Y/n" } else { "y/N" };
-        self.ask_until(&format!("{question} [{choice}]"), |answer| match answer.to_lowercase().as_str() {
-            "" => Ok(default),
-            "y" | "yes" => Ok(true),
-            "n" | "no" => Ok(false),
-            other => Err(format!("`{other}` is neither y nor n")),
+        self.ask_until(&format!("{question} [{choice}]"), |answer| {
+            match answer.to_lowercase().as_str() {
+                "" => Ok(default),
+                "y" | "yes" => Ok(true),
+                "n" | "no" => Ok(false),
+                other => Err(format!("`{other}` is neither y nor n")),
+            }
         })
     }
 }
@@ -114,13 +135,22 @@ pub fn word(text: &str) -> Result<u16, String> {
         Some(digits) => u16::from_str_radix(digits, 16),
         None => text.parse(),
     };
-    parsed.map_err(|_| format!("`{text}` is no number from 0 to 65535; hexadecimal ones are written 0x2000 or 2000H"))
+    parsed.map_err(|_| {
+        format!(
+            "`{text}` is no number from 0 to 65535; hexadecimal ones are written 0x2000 or 2000H"
+        )
+    })
 }
 
 /// An address, and after a space where the manual states it; `None` for an empty answer.
 pub fn address_and_place(text: &str) -> Result<Option<(u16, Option<String>)>, String> {
-    let Some(first) = text.split_whitespace().next() else { return Ok(None) };
-    let place = text.get(first.len()..).map(str::trim).filter(|place| !place.is_empty());
+    let Some(first) = text.split_whitespace().next() else {
+        return Ok(None);
+    };
+    let place = text
+        .get(first.len()..)
+        .map(str::trim)
+        .filter(|place| !place.is_empty());
     Ok(Some((word(first)?, place.map(str::to_owned))))
 }
 
@@ -131,7 +161,11 @@ pub fn link(text: &str) -> Result<Option<LinkSettings>, String> {
         return Ok(None);
     }
     let (baud, format) = text.split_once(' ').ok_or_else(wrong)?;
-    let baud = baud.parse().ok().filter(|baud| (300..=1_000_000).contains(baud)).ok_or_else(wrong)?;
+    let baud = baud
+        .parse()
+        .ok()
+        .filter(|baud| (300..=1_000_000).contains(baud))
+        .ok_or_else(wrong)?;
     let (parity, stop_bits) = match format.trim().to_ascii_uppercase().as_str() {
         "8N1" => (Parity::None, 1),
         "8N2" => (Parity::None, 2),
@@ -141,7 +175,12 @@ pub fn link(text: &str) -> Result<Option<LinkSettings>, String> {
         "8O2" => (Parity::Odd, 2),
         _ => return Err(wrong()),
     };
-    Ok(Some(LinkSettings { baud, data_bits: 8, parity, stop_bits }))
+    Ok(Some(LinkSettings {
+        baud,
+        data_bits: 8,
+        parity,
+        stop_bits,
+    }))
 }
 
 #[cfg(test)]
@@ -170,9 +209,17 @@ mod tests {
     #[test]
     fn a_question_is_asked_until_it_is_answered() {
         let mut questions = Questions::new(&b"x\n\ny\n"[..]);
-        assert!(questions.yes("really", false).is_ok_and(|it| !it), "Enter after a wrong answer is the default");
+        assert!(
+            questions.yes("really", false).is_ok_and(|it| !it),
+            "Enter after a wrong answer is the default"
+        );
         assert!(questions.yes("really", false).unwrap());
         let ended = questions.text("maker", "").unwrap_err();
-        assert!(ended.to_string().contains("before \"maker\" was answered; nothing was written"), "{ended}");
+        assert!(
+            ended
+                .to_string()
+                .contains("before \"maker\" was answered; nothing was written"),
+            "{ended}"
+        );
     }
 }

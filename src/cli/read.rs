@@ -47,7 +47,10 @@ impl Args {
 /// Reads once and prints the values.
 pub fn read(args: &Args) -> Result<(), Failure> {
     let asked = args.what.asked()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let values = runtime.block_on(async {
         let mut reached = args.what.reach().await?;
         let values = asked.read(&mut reached.client).await;
@@ -57,9 +60,16 @@ pub fn read(args: &Args) -> Result<(), Failure> {
     if args.what.json {
         let values: Vec<_> = values.iter().map(Shown::json).collect();
         let (place, number) = args.what.target.place();
-        return print(&format!("{}\n", json!({ (place): number, "values": values })));
+        return print(&format!(
+            "{}\n",
+            json!({ (place): number, "values": values })
+        ));
     }
-    let width = values.iter().map(|value| value.label.len()).max().unwrap_or(0);
+    let width = values
+        .iter()
+        .map(|value| value.label.len())
+        .max()
+        .unwrap_or(0);
     let mut text = String::new();
     for value in &values {
         let _ = writeln!(text, "{:width$}  {}", value.label, value.text());
@@ -86,20 +96,29 @@ impl What {
         if let Some(model) = self.target.model()?.filter(|_| !self.uniform) {
             return self.asked_of(&model);
         }
-        let Some(register) = &self.register else { return Ok(ReadRequest::Names(UNIFORM.to_vec())) };
+        let Some(register) = &self.register else {
+            return Ok(ReadRequest::Names(UNIFORM.to_vec()));
+        };
         if self.uniform
             && let Some(word) = UNIFORM.iter().find(|word| word.name == register)
         {
             return Ok(ReadRequest::Names(vec![*word]));
         }
         match address(register) {
-            Ok(first) if first.checked_add(self.count - 1).is_some() => Ok(ReadRequest::Numbers(first, self.count)),
-            Ok(first) => Err(Failure::wrong(format!("{} registers from {first} on pass the last one", self.count))),
+            Ok(first) if first.checked_add(self.count - 1).is_some() => {
+                Ok(ReadRequest::Numbers(first, self.count))
+            }
+            Ok(first) => Err(Failure::wrong(format!(
+                "{} registers from {first} on pass the last one",
+                self.count
+            ))),
             Err(_) if self.uniform => Err(Failure::wrong(no_name(register))),
-            Err(error) => Err(Failure::wrong(match UNIFORM.iter().find(|word| word.name == register) {
-                Some(_) => format!("{error}; names are those of uniform units: add --uniform"),
-                None => error,
-            })),
+            Err(error) => Err(Failure::wrong(
+                match UNIFORM.iter().find(|word| word.name == register) {
+                    Some(_) => format!("{error}; names are those of uniform units: add --uniform"),
+                    None => error,
+                },
+            )),
         }
     }
 }
@@ -109,28 +128,56 @@ impl What {
     fn asked_of(&self, model: &Model) -> Result<ReadRequest, Failure> {
         let readable = |register: &&Register| register.access.can_read();
         let Some(wanted) = &self.register else {
-            let polled = model.registers.iter().filter(readable).filter(|register| register.poll.is_some());
+            let polled = model
+                .registers
+                .iter()
+                .filter(readable)
+                .filter(|register| register.poll.is_some());
             return Ok(ReadRequest::Registers(polled.cloned().collect()));
         };
-        let named = model.register_named(wanted).or_else(|| model.register_at(address(wanted).ok()?));
+        let named = model
+            .register_named(wanted)
+            .or_else(|| model.register_at(address(wanted).ok()?));
         if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
             return Ok(ReadRequest::Registers(vec![register.clone()]));
         }
-        if let Some(register) = named.filter(|register| register.address.table() != Table::Holding) {
-            let what = if register.access.can_read() { "is read alone, without --count" } else { "cannot be read" };
-            return Err(Failure::wrong(format!("{} ({}) {what}", register.name, register.address)));
+        if let Some(register) = named.filter(|register| register.address.table() != Table::Holding)
+        {
+            let what = if register.access.can_read() {
+                "is read alone, without --count"
+            } else {
+                "cannot be read"
+            };
+            return Err(Failure::wrong(format!(
+                "{} ({}) {what}",
+                register.name, register.address
+            )));
         }
-        let by_code = || model.codes.as_ref().and_then(|rule| rule.address_typed(wanted));
+        let by_code = || {
+            model
+                .codes
+                .as_ref()
+                .and_then(|rule| rule.address_typed(wanted))
+        };
         let number = || address(wanted).or_else(|error| by_code().ok_or(error));
         let first = named.map_or_else(number, |register| Ok(register.address.number()));
         let first = first.map_err(|error| {
-            let names = model.registers.iter().flat_map(|it| [Some(it.name.as_str()), it.code.as_deref()]).flatten();
-            let hint = nearest(wanted, names).map(|near| format!("; did you mean {near}?")).unwrap_or_default();
+            let names = model
+                .registers
+                .iter()
+                .flat_map(|it| [Some(it.name.as_str()), it.code.as_deref()])
+                .flatten();
+            let hint = nearest(wanted, names)
+                .map(|near| format!("; did you mean {near}?"))
+                .unwrap_or_default();
             Failure::wrong(format!("{error}, or a name or code of {}{hint}", model.id))
         })?;
         match first.checked_add(self.count - 1) {
             Some(_) => Ok(ReadRequest::Numbers(first, self.count)),
-            None => Err(Failure::wrong(format!("{} registers from {first} on pass the last one", self.count))),
+            None => Err(Failure::wrong(format!(
+                "{} registers from {first} on pass the last one",
+                self.count
+            ))),
         }
     }
 
@@ -155,13 +202,20 @@ impl What {
 
     /// What a gateway of our own has to do for this: uniform words are based on what is polled.
     fn extra(&self) -> Extra {
-        Extra { poll: self.uniform.then_some(std::time::Duration::from_millis(250)), ..Extra::default() }
+        Extra {
+            poll: self
+                .uniform
+                .then_some(std::time::Duration::from_millis(250)),
+            ..Extra::default()
+        }
     }
 }
 
 fn no_name(register: &str) -> String {
     let near = nearest(register, UNIFORM.iter().map(|word| word.name));
-    let hint = near.map(|near| format!("; did you mean {near}?")).unwrap_or_default();
+    let hint = near
+        .map(|near| format!("; did you mean {near}?"))
+        .unwrap_or_default();
     format!("{register} is neither a number nor a name of the uniform map{hint}")
 }
 
@@ -179,7 +233,12 @@ impl Shown {
     /// One word of an unknown register.
     #[cfg(test)]
     pub fn word(label: &str, address: u16, word: u16) -> Self {
-        Self { label: label.to_owned(), address, words: vec![word], value: None }
+        Self {
+            label: label.to_owned(),
+            address,
+            words: vec![word],
+            value: None,
+        }
     }
 
     /// The value of `register`.
@@ -187,22 +246,44 @@ impl Shown {
     /// Without the others on which it may depend, its words are all that is known.
     fn of_model(register: &Register, words: Vec<u16>) -> Self {
         let first = words.first().copied().unwrap_or_default();
-        let meaning = register.meaning(first).map(|text| Value::Meaning(first, text.to_owned()));
-        let number = register.value(|address| address.word_in(register.address, &words)).and_then(|value| {
-            let (raw, scale) = value.fraction();
-            Some(Value::Number(raw, u32::try_from(scale).ok()?, register.unit))
-        });
+        let meaning = register
+            .meaning(first)
+            .map(|text| Value::Meaning(first, text.to_owned()));
+        let number = register
+            .value(|address| address.word_in(register.address, &words))
+            .and_then(|value| {
+                let (raw, scale) = value.fraction();
+                Some(Value::Number(
+                    raw,
+                    u32::try_from(scale).ok()?,
+                    register.unit,
+                ))
+            });
         let value = meaning.or(number);
-        let code = register.code.as_ref().map(|code| format!("{code} ")).unwrap_or_default();
+        let code = register
+            .code
+            .as_ref()
+            .map(|code| format!("{code} "))
+            .unwrap_or_default();
         let label = format!("{code}{}", register.name);
-        Self { label, address: register.address.number(), words, value }
+        Self {
+            label,
+            address: register.address.number(),
+            words,
+            value,
+        }
     }
 
     /// The value: with its unit if its meaning is known, else in decimal and hexadecimal.
     pub fn text(&self) -> String {
         match &self.value {
             Some(value) => value.to_string(),
-            None => self.words.iter().map(|word| format!("{word:5}  0x{word:04X}")).collect::<Vec<_>>().join(" "),
+            None => self
+                .words
+                .iter()
+                .map(|word| format!("{word:5}  0x{word:04X}"))
+                .collect::<Vec<_>>()
+                .join(" "),
         }
     }
 
@@ -244,7 +325,10 @@ impl ReadRequest {
             Self::Registers(registers) => {
                 let mut values = Vec::with_capacity(registers.len());
                 for register in registers {
-                    match client.read_from(register.address, register.form.words()).await {
+                    match client
+                        .read_from(register.address, register.form.words())
+                        .await
+                    {
                         Ok(words) => values.push(Shown::of_model(register, words)),
                         // What the drive does not have must not hide what it has.
                         Err(NoAnswer::Exception(1..=4)) if registers.len() > 1 => {}
@@ -262,7 +346,12 @@ impl ReadRequest {
                         read => read?,
                     };
                     let value = Some(Value::understand(word.form, &words));
-                    values.push(Shown { label: word.name.to_owned(), address: word.address, words, value });
+                    values.push(Shown {
+                        label: word.name.to_owned(),
+                        address: word.address,
+                        words,
+                        value,
+                    });
                 }
                 Ok(values)
             }

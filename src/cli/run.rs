@@ -23,7 +23,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let read = move || input::configuration(&file).map_err(|failure| failure.to_string());
     let file = args.config.clone();
     let judge = move |text: &str| input::judged(&file, text).map_err(|failure| failure.to_string());
-    let load = Load { file: args.config.clone(), read: Arc::new(read), judge: Arc::new(judge) };
+    let load = Load {
+        file: args.config.clone(),
+        read: Arc::new(read),
+        judge: Arc::new(judge),
+    };
     let mut end = Ok(());
     let started = daemon::run(&config, Some(load), async |running| {
         let told = match told_to_end() {
@@ -34,8 +38,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             }
         };
         let host = || uname().nodename().to_string_lossy().into_owned();
-        let name = config.gateway.name.as_ref().map_or_else(host, ToString::to_string);
-        tracing::info!(gateway = name, version = env!("CARGO_PKG_VERSION"), "running");
+        let name = config
+            .gateway
+            .name
+            .as_ref()
+            .map_or_else(host, ToString::to_string);
+        tracing::info!(
+            gateway = name,
+            version = env!("CARGO_PKG_VERSION"),
+            "running"
+        );
         for address in &running.listening {
             tracing::info!(%address, "Modbus TCP");
         }

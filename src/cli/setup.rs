@@ -27,11 +27,20 @@ impl Drive {
     /// # Errors
     /// No drive can have this name, or there is no socket to ask.
     pub fn new(name: &str, place: &socket::SocketArgs) -> Result<Self, Failure> {
-        let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+        let name = Name::new(name)
+            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
         let socket = place.path()?;
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(Failure::failed)?;
         let path = |what: &str| format!("/api/v1/drives/{name}/{what}");
-        Ok(Self { path: path("setup"), watchdog_path: path("watchdog"), socket, runtime })
+        Ok(Self {
+            path: path("setup"),
+            watchdog_path: path("watchdog"),
+            socket,
+            runtime,
+        })
     }
 
     /// What is set on it now.
@@ -48,7 +57,11 @@ impl Drive {
     /// There is no such drive, or the gateway does not answer.
     pub fn set(&self, addresses: &[u16]) -> Result<Value, Failure> {
         let body = json!({ "addresses": addresses });
-        self.ask(Question { method: Method::POST, path: &self.path, body: Some(&body) })
+        self.ask(Question {
+            method: Method::POST,
+            path: &self.path,
+            body: Some(&body),
+        })
     }
 
     /// Sets its own watchdog to `time`, or off for `None`, and returns the outcome.
@@ -57,15 +70,25 @@ impl Drive {
     /// There is no such drive, or the gateway does not answer.
     pub fn set_watchdog(&self, time: Option<Duration>) -> Result<Value, Failure> {
         let body = json!({ "time_ms": time.map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)) });
-        self.ask(Question { method: Method::POST, path: &self.watchdog_path, body: Some(&body) })
+        self.ask(Question {
+            method: Method::POST,
+            path: &self.watchdog_path,
+            body: Some(&body),
+        })
     }
 
     fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
         let at = self.socket.display();
-        match self.runtime.block_on(socket::ask(&self.socket, question, PATIENCE)) {
+        match self
+            .runtime
+            .block_on(socket::ask(&self.socket, question, PATIENCE))
+        {
             Ok((StatusCode::OK, answer)) => Ok(answer),
             Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!("gateway at {at}: {}", outcome(&answer)))),
+            Ok((_, answer)) => Err(Failure::failed(format!(
+                "gateway at {at}: {}",
+                outcome(&answer)
+            ))),
             Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
         }
     }
@@ -74,7 +97,12 @@ impl Drive {
 /// There is no such drive; the nearest one, or else all of them.
 pub fn unknown(answer: &Value) -> String {
     let name = text(answer, "drive");
-    let drives: Vec<_> = answer["drives"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let drives: Vec<_> = answer["drives"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
     match nearest(name, drives.iter().copied()) {
         Some(near) => format!("no drive is called {name}; did you mean {near}?"),
         None => format!("no drive is called {name}; there are {}", drives.join(", ")),
@@ -85,7 +113,12 @@ pub fn unknown(answer: &Value) -> String {
 pub fn outcome(answer: &Value) -> String {
     let mut said = text(answer, "outcome").to_owned();
     if answer["reason"] != "none" {
-        let _ = write!(said, ": {} ({})", text(answer, "message"), text(answer, "reason"));
+        let _ = write!(
+            said,
+            ": {} ({})",
+            text(answer, "message"),
+            text(answer, "reason")
+        );
     }
     if let Some(held) = answer["held"].as_u64() {
         let _ = write!(said, "; the drive holds {held}");
@@ -104,14 +137,18 @@ pub fn report(setup: &Value) -> String {
     let drive = text(setup, "drive");
     let model = text(setup, "model");
     let line = text(setup, "line");
-    let mut said = format!("drive {drive} ({model} on {line})\n{}", identity(&setup["identity"], model));
-    let (by_line, by_hand): (Vec<_>, Vec<_>) = items(setup).partition(|item| item["result"] != "at_the_drive");
+    let mut said = format!(
+        "drive {drive} ({model} on {line})\n{}",
+        identity(&setup["identity"], model)
+    );
+    let (by_line, by_hand): (Vec<_>, Vec<_>) =
+        items(setup).partition(|item| item["result"] != "at_the_drive");
     said.push_str(&table(by_line.into_iter().map(row)));
     if !by_hand.is_empty() {
         said.push_str("at the drive itself, where the gateway cannot read:\n");
-        said.push_str(&table(
-            by_hand.into_iter().map(|item| [text(item, "what"), text(item, "text")].map(str::to_owned)),
-        ));
+        said.push_str(&table(by_hand.into_iter().map(|item| {
+            [text(item, "what"), text(item, "text")].map(str::to_owned)
+        })));
     }
     said.push_str(&watchdog(&setup["watchdog"]));
     if setup["takes_priority"] == true {
@@ -135,26 +172,47 @@ pub fn judge(setup: &Value) -> Result<(), Failure> {
     let is_watchdog_silent = setup["watchdog"]["state"] == "not_answered";
     let is_identity_silent = setup["identity"]["result"] == "not_answered";
     let wrong = count("wrong") + usize::from(is_another_drive(setup));
-    let silent = count("not_answered") + usize::from(is_watchdog_silent) + usize::from(is_identity_silent);
-    Err(Failure::failed(format!("{}: {wrong} wrong, {silent} not answered", text(setup, "drive"))))
+    let silent =
+        count("not_answered") + usize::from(is_watchdog_silent) + usize::from(is_identity_silent);
+    Err(Failure::failed(format!(
+        "{}: {wrong} wrong, {silent} not answered",
+        text(setup, "drive")
+    )))
 }
 
 /// Whether the drive tells that it is not the one that it is taken for: then it gets no order.
 pub fn is_another_drive(setup: &Value) -> bool {
-    ["wrong", "not_tried"].iter().any(|result| setup["identity"]["result"] == *result)
+    ["wrong", "not_tried"]
+        .iter()
+        .any(|result| setup["identity"]["result"] == *result)
 }
 
 fn row(item: &Value) -> [String; 5] {
-    let wanted: Vec<_> = item["wanted"].as_array().into_iter().flatten().map(word).collect();
+    let wanted: Vec<_> = item["wanted"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(word)
+        .collect();
     let result = match text(item, "result") {
         "right" => "ok".to_owned(),
         "wrong" => "WRONG".to_owned(),
         "not_answered" => why_silent(item),
         other => other.to_owned(),
     };
-    let found = if item["found"].is_null() { "-".to_owned() } else { format!("found {}", word(&item["found"])) };
+    let found = if item["found"].is_null() {
+        "-".to_owned()
+    } else {
+        format!("found {}", word(&item["found"]))
+    };
     let wanted = format!("wanted {}", wanted.join(" or "));
-    [text(item, "what").to_owned(), text(item, "text").to_owned(), wanted, found, result]
+    [
+        text(item, "what").to_owned(),
+        text(item, "text").to_owned(),
+        wanted,
+        found,
+        result,
+    ]
 }
 
 /// Which drive answered, for people. `model` is the one that the configuration names.
@@ -162,38 +220,62 @@ fn identity(identity: &Value, model: &str) -> String {
     let Some(result) = identity["result"].as_str() else {
         return "the drive's identity: this model has no register that tells it\n".to_owned();
     };
-    let wanted: Vec<_> = identity["wanted"].as_array().into_iter().flatten().map(Value::to_string).collect();
+    let wanted: Vec<_> = identity["wanted"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(Value::to_string)
+        .collect();
     let wanted = wanted.join(" or ");
     let said = match (result, identity["other"].as_str()) {
         ("right", _) => format!("{}: {model}, ok", found_as(identity)),
         ("not_tried", _) => {
-            format!("{}: WRONG, {model}, but not the drive of the trials, which showed {wanted}", found_as(identity))
+            format!(
+                "{}: WRONG, {model}, but not the drive of the trials, which showed {wanted}",
+                found_as(identity)
+            )
         }
         ("not_answered", _) => why_silent(identity),
-        (_, Some(other)) => format!("{}: WRONG, {other}, and not {model}, which shows {wanted}", found_as(identity)),
-        (_, None) => format!("{}: WRONG, an unknown drive; {model} shows {wanted}", found_as(identity)),
+        (_, Some(other)) => format!(
+            "{}: WRONG, {other}, and not {model}, which shows {wanted}",
+            found_as(identity)
+        ),
+        (_, None) => format!(
+            "{}: WRONG, an unknown drive; {model} shows {wanted}",
+            found_as(identity)
+        ),
     };
-    format!("the drive's identity ({}): {said}\n", text(identity, "what"))
+    format!(
+        "the drive's identity ({}): {said}\n",
+        text(identity, "what")
+    )
 }
 
 /// The word that was found, also without the bits that do not count.
 fn found_as(identity: &Value) -> String {
     let found = format!("found {}", word(&identity["found"]));
     match (identity["found"]["raw"].as_u64(), identity["mask"].as_u64()) {
-        (Some(raw), Some(mask)) if mask != 0xFFFF => format!("{found}, of which {} counts", raw & mask),
+        (Some(raw), Some(mask)) if mask != 0xFFFF => {
+            format!("{found}, of which {} counts", raw & mask)
+        }
         _ => found,
     }
 }
 
 /// The drive's own watchdog, for people.
 pub fn watchdog(watchdog: &Value) -> String {
-    let advice = match watchdog["judged"].as_str().filter(|_| watchdog["state"] == "on") {
+    let advice = match watchdog["judged"]
+        .as_str()
+        .filter(|_| watchdog["state"] == "on")
+    {
         Some("keeps_running") => "warning: with that the motor runs on without the gateway\n",
         Some("too_short") => {
             "warning: it is no longer than twice the longest gap between two frames, and may stop the motor although \
              all is well; see `check`\n"
         }
-        Some("too_long") => "warning: it takes longer than a commander may be silent; see `lost_after`\n",
+        Some("too_long") => {
+            "warning: it takes longer than a commander may be silent; see `lost_after`\n"
+        }
         _ => "",
     };
     let volatile = if watchdog["is_stored"] == false && watchdog["state"] == "on" {
@@ -209,14 +291,28 @@ fn watchdog_as_found(watchdog: &Value) -> String {
         None => "the drive's own watchdog: none is known for this model\n".to_owned(),
         Some("off") => {
             let what = text(watchdog, "what");
-            format!("warning: the drive's own watchdog is off ({what}): a lost gateway would not stop the motor\n")
+            format!(
+                "warning: the drive's own watchdog is off ({what}): a lost gateway would not stop the motor\n"
+            )
         }
         Some("on") => {
             let action = &watchdog["action"];
-            let action = if action.is_null() { String::new() } else { format!(", then {}", word(action)) };
-            format!("the drive's own watchdog ({}): {}{action}\n", text(watchdog, "what"), word(&watchdog["found"]))
+            let action = if action.is_null() {
+                String::new()
+            } else {
+                format!(", then {}", word(action))
+            };
+            format!(
+                "the drive's own watchdog ({}): {}{action}\n",
+                text(watchdog, "what"),
+                word(&watchdog["found"])
+            )
         }
-        Some(_) => format!("the drive's own watchdog ({}): {}\n", text(watchdog, "what"), why_silent(watchdog)),
+        Some(_) => format!(
+            "the drive's own watchdog ({}): {}\n",
+            text(watchdog, "what"),
+            why_silent(watchdog)
+        ),
     }
 }
 
@@ -225,12 +321,17 @@ fn why_silent(seen: &Value) -> String {
 }
 
 fn exception(answer: &Value) -> String {
-    answer["exception"].as_u64().map(|code| format!("; exception {code:02X}")).unwrap_or_default()
+    answer["exception"]
+        .as_u64()
+        .map(|code| format!("; exception {code:02X}"))
+        .unwrap_or_default()
 }
 
 /// A word with its meaning.
 pub fn word(word: &Value) -> String {
-    let raw = word["raw"].as_u64().map_or_else(|| "?".to_owned(), |raw| raw.to_string());
+    let raw = word["raw"]
+        .as_u64()
+        .map_or_else(|| "?".to_owned(), |raw| raw.to_string());
     match word["text"].as_str() {
         Some(text) => format!("{raw} ({text})"),
         None => raw,
@@ -245,11 +346,20 @@ pub fn text<'a>(of: &'a Value, key: &str) -> &'a str {
 /// Rows, indented, each column as wide as it needs.
 pub fn table<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
     let rows: Vec<_> = rows.collect();
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
     let widths: Vec<_> = (0..N).map(width).collect();
     let mut drawn = String::new();
     for row in &rows {
-        let cells: String = row.iter().zip(&widths).map(|(cell, width)| format!("  {cell:width$}")).collect();
+        let cells: String = row
+            .iter()
+            .zip(&widths)
+            .map(|(cell, width)| format!("  {cell:width$}"))
+            .collect();
         let _ = writeln!(drawn, "{}", cells.trim_end());
     }
     drawn
@@ -272,7 +382,8 @@ mod tests {
 
     #[test]
     fn each_item_says_what_is_wanted_and_what_was_found() {
-        let by_hand = json!({ "what": "SW2", "text": "switch: on", "wanted": [], "result": "at_the_drive" });
+        let by_hand =
+            json!({ "what": "SW2", "text": "switch: on", "wanted": [], "result": "at_the_drive" });
         let items = vec![
             seen("right", json!({ "raw": 3, "text": "bus" })),
             seen("wrong", json!({ "raw": 2 })),
@@ -302,10 +413,16 @@ the drive's own watchdog: none is known for this model
                 "other": other, "message": "the drive did not answer", "exception": 3,
             });
             let judged = judge(&setup).unwrap_err().message;
-            (report(&setup).lines().nth(1).unwrap_or_default().to_owned(), judged)
+            (
+                report(&setup).lines().nth(1).unwrap_or_default().to_owned(),
+                judged,
+            )
         };
         let said = |result, other| seen(result, other, 0xFFFF).0;
-        assert_eq!(said("right", None), "the drive's identity (D0): found 280: m, ok");
+        assert_eq!(
+            said("right", None),
+            "the drive's identity (D0): found 280: m, ok"
+        );
         assert_eq!(
             said("wrong", Some("Acme 2")),
             "the drive's identity (D0): found 280: WRONG, Acme 2, and not m, which shows 16 or 17"
@@ -338,8 +455,16 @@ the drive's own watchdog: none is known for this model
             });
             report(&setup(Vec::new(), of))
         };
-        assert!(watchdog("off").contains("warning: the drive's own watchdog is off (C9)"), "{}", watchdog("off"));
-        assert!(watchdog("on").contains("own watchdog (C9): 20 (2.0 s), then 1 (coast)\n"), "{}", watchdog("on"));
+        assert!(
+            watchdog("off").contains("warning: the drive's own watchdog is off (C9)"),
+            "{}",
+            watchdog("off")
+        );
+        assert!(
+            watchdog("on").contains("own watchdog (C9): 20 (2.0 s), then 1 (coast)\n"),
+            "{}",
+            watchdog("on")
+        );
         assert!(watchdog("not_answered").contains("not answered: the line is down\n"));
     }
 
@@ -353,26 +478,46 @@ the drive's own watchdog: none is known for this model
 
     #[test]
     fn what_is_wrong_is_counted() {
-        let items = vec![seen("wrong", Value::Null), seen("right", Value::Null), seen("not_answered", Value::Null)];
+        let items = vec![
+            seen("wrong", Value::Null),
+            seen("right", Value::Null),
+            seen("not_answered", Value::Null),
+        ];
         let mut setup = setup(items, json!({ "state": "not_answered" }));
-        assert_eq!(judge(&setup).unwrap_err().message, "d: 1 wrong, 2 not answered");
+        assert_eq!(
+            judge(&setup).unwrap_err().message,
+            "d: 1 wrong, 2 not answered"
+        );
         setup["right"] = true.into();
         assert!(judge(&setup).is_ok());
     }
 
     #[test]
     fn an_outcome_says_why_and_what_the_drive_says() {
-        let refused = json!({ "outcome": "refused", "reason": "moving", "message": "the motor may turn" });
+        let refused =
+            json!({ "outcome": "refused", "reason": "moving", "message": "the motor may turn" });
         assert_eq!(outcome(&refused), "refused: the motor may turn (moving)");
-        assert_eq!(outcome(&json!({ "outcome": "confirmed", "reason": "none", "message": "" })), "confirmed");
+        assert_eq!(
+            outcome(&json!({ "outcome": "confirmed", "reason": "none", "message": "" })),
+            "confirmed"
+        );
         let kept = json!({ "outcome": "failed", "reason": "r", "message": "no", "held": 2, "exception": 3 });
-        assert_eq!(outcome(&kept), "failed: no (r); the drive holds 2; exception 03");
+        assert_eq!(
+            outcome(&kept),
+            "failed: no (r); the drive holds 2; exception 03"
+        );
     }
 
     #[test]
     fn a_slip_of_the_pen_is_answered_with_the_right_name() {
         let answer = |name: &str| unknown(&json!({ "drive": name, "drives": ["pump-1", "fan"] }));
-        assert_eq!(answer("pmup-1"), "no drive is called pmup-1; did you mean pump-1?");
-        assert_eq!(answer("mixer"), "no drive is called mixer; there are pump-1, fan");
+        assert_eq!(
+            answer("pmup-1"),
+            "no drive is called pmup-1; did you mean pump-1?"
+        );
+        assert_eq!(
+            answer("mixer"),
+            "no drive is called mixer; there are pump-1, fan"
+        );
     }
 }

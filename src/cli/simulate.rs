@@ -106,24 +106,40 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         FramingArg::ModbusTcp => Framing::Mbap,
     };
     if framing == Framing::Mbap && args.tcp.is_none() {
-        return Err(Failure::wrong("Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`"));
+        return Err(Failure::wrong(
+            "Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`",
+        ));
     }
     let link = link_of(args, &model, framing)?;
     let stations = model.link.stations.value.clone();
-    if let Some(wrong) = args.stations.iter().find(|station| !stations.contains(station)) {
+    if let Some(wrong) = args
+        .stations
+        .iter()
+        .find(|station| !stations.contains(station))
+    {
         let first = stations.start();
         let last = stations.end();
-        return Err(Failure::wrong(format!("station {wrong} is outside {first} to {last} of {}", model.id)));
+        return Err(Failure::wrong(format!(
+            "station {wrong} is outside {first} to {last} of {}",
+            model.id
+        )));
     }
-    if let Some(twice) =
-        args.stations.iter().enumerate().find_map(|(at, n)| args.stations[..at].contains(n).then_some(n))
+    if let Some(twice) = args
+        .stations
+        .iter()
+        .enumerate()
+        .find_map(|(at, n)| args.stations[..at].contains(n).then_some(n))
     {
         return Err(Failure::wrong(format!("station {twice} is named twice")));
     }
     let trips = Trips {
         every: args.trip_every.map(Duration::from_secs),
         next: None,
-        enter: if args.trip_on_enter { Some(Enter::listen().map_err(Failure::failed)?) } else { None },
+        enter: if args.trip_on_enter {
+            Some(Enter::listen().map_err(Failure::failed)?)
+        } else {
+            None
+        },
     };
     let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
     let assumed = assumed(args, &model);
@@ -137,23 +153,37 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
                 Framing::Mbap => String::new(),
             },
             if args.stations.len() == 1 { "" } else { "s" },
-            args.stations.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
+            args.stations
+                .iter()
+                .map(u8::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
         )
     };
     if let Some(address) = args.tcp {
-        let end = TcpEnd::listen(address).map_err(|error| Failure::failed(format!("{address}: {error}")))?;
-        let scheme = if framing == Framing::Mbap { "modbus-tcp" } else { "tcp" };
+        let end = TcpEnd::listen(address)
+            .map_err(|error| Failure::failed(format!("{address}: {error}")))?;
+        let scheme = if framing == Framing::Mbap {
+            "modbus-tcp"
+        } else {
+            "tcp"
+        };
         let place = format!("{scheme}://{}", end.address().map_err(Failure::failed)?);
         return play_until_told(end, &mut bus, &announcement(&place), trips);
     }
     let mut pty = Pty::new().map_err(Failure::failed)?;
     if let Some(link) = &args.link {
-        pty.link_as(link).map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
+        pty.link_as(link)
+            .map_err(|error| Failure::failed(format!("{}: {error}", link.display())))?;
     }
     let place = args.link.as_deref().unwrap_or(pty.path()).display();
     let announcement = announcement(&place);
     if args.strict {
-        let line = AtSpeed { pty: &pty, baud: link.baud, stop_bits: link.stop_bits };
+        let line = AtSpeed {
+            pty: &pty,
+            baud: link.baud,
+            stop_bits: link.stop_bits,
+        };
         return play_until_told(line, &mut bus, &announcement, trips);
     }
     play_until_told(&pty, &mut bus, &announcement, trips)
@@ -167,8 +197,19 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
     let factory = model.link.played();
     let data_bits = args.data_bits.unwrap_or(factory.data_bits);
     if !model.link.framings.value.contains(&framing) {
-        let has: Vec<_> = model.link.framings.value.iter().map(|framing| word_for(&FRAMINGS, framing)).collect();
-        let what = format!("{} has no framing {}, only {}", model.id, word_for(&FRAMINGS, &framing), has.join(", "));
+        let has: Vec<_> = model
+            .link
+            .framings
+            .value
+            .iter()
+            .map(|framing| word_for(&FRAMINGS, framing))
+            .collect();
+        let what = format!(
+            "{} has no framing {}, only {}",
+            model.id,
+            word_for(&FRAMINGS, &framing),
+            has.join(", ")
+        );
         return Err(Failure::wrong(what));
     }
     if framing == Framing::Rtu && data_bits != 8 && args.data_bits.is_none() {
@@ -179,10 +220,15 @@ fn link_of(args: &Args, model: &Model, framing: Framing) -> Result<LinkSettings,
         )));
     }
     if framing == Framing::Rtu && data_bits != 8 {
-        return Err(Failure::wrong("RTU frames need 8 data bits; 7 go with `--framing ascii`"));
+        return Err(Failure::wrong(
+            "RTU frames need 8 data bits; 7 go with `--framing ascii`",
+        ));
     }
     if !model.link.data_bits.value.contains(&data_bits) {
-        return Err(Failure::wrong(format!("{} cannot be set to {data_bits} data bits", model.id)));
+        return Err(Failure::wrong(format!(
+            "{} cannot be set to {data_bits} data bits",
+            model.id
+        )));
     }
     Ok(LinkSettings {
         baud: args.baud.unwrap_or(factory.baud),
@@ -212,15 +258,27 @@ fn assumed(args: &Args, model: &Model) -> String {
 fn bus_of(args: &Args, model: &Arc<Model>, framing: Framing, link: LinkSettings) -> SimBus {
     let options = BusOptions {
         framing,
-        pacing: if args.unpaced || !framing.has_characters() { Pacing::None } else { Pacing::CharacterTimes },
+        pacing: if args.unpaced || !framing.has_characters() {
+            Pacing::None
+        } else {
+            Pacing::CharacterTimes
+        },
         turnaround: Duration::from_millis(args.turnaround_ms),
         faults: args.faults,
         ..BusOptions::default()
     };
     let mut bus = SimBus::new(link, options, args.seed);
     for station in &args.stations {
-        let bad_request = if args.exceptions { BadRequest::Exception } else { BadRequest::AsDocumented };
-        let options = DriveOptions { bad_request, sources_at_start: args.sources, ..DriveOptions::default() };
+        let bad_request = if args.exceptions {
+            BadRequest::Exception
+        } else {
+            BadRequest::AsDocumented
+        };
+        let options = DriveOptions {
+            bad_request,
+            sources_at_start: args.sources,
+            ..DriveOptions::default()
+        };
         bus.connect(Station(*station), SimDrive::new(Arc::clone(model), options));
     }
     bus
@@ -232,7 +290,10 @@ fn play_until_told(
     announcement: &str,
     mut trips: Trips,
 ) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let told = {
         let _on_runtime = runtime.enter();
         told_to_end().map_err(Failure::failed)?
@@ -241,7 +302,11 @@ fn play_until_told(
     let trip = |bus: &mut SimBus, now| trips.look(bus, now);
     simulator::play_beside(line, bus, trip, || runtime.block_on(told)).map_err(Failure::failed)?;
     let report = bus.report();
-    tracing::info!(requests = report.requests_heard, replies = report.replies_sent, "simulation ended");
+    tracing::info!(
+        requests = report.requests_heard,
+        replies = report.replies_sent,
+        "simulation ended"
+    );
     Ok(())
 }
 
@@ -268,7 +333,9 @@ impl Trips {
     }
 
     fn is_due(&mut self, now: MonoTime) -> bool {
-        let Some(every) = self.every else { return false };
+        let Some(every) = self.every else {
+            return false;
+        };
         let due = *self.next.get_or_insert(now + every);
         let is_due = now >= due;
         if is_due {
@@ -291,17 +358,33 @@ mod tests {
 
     fn settings(words: &str) -> Result<String, String> {
         let args = Line::parse_from(words.split(' ')).args;
-        let model = input::model(&args.model, &args.own).unwrap_or_else(|failure| panic!("{failure}"));
-        let framing = if matches!(args.framing, FramingArg::Ascii) { Framing::Ascii } else { Framing::Rtu };
-        link_of(&args, &model, framing).map(|link| link.to_string()).map_err(|failure| failure.to_string())
+        let model =
+            input::model(&args.model, &args.own).unwrap_or_else(|failure| panic!("{failure}"));
+        let framing = if matches!(args.framing, FramingArg::Ascii) {
+            Framing::Ascii
+        } else {
+            Framing::Rtu
+        };
+        link_of(&args, &model, framing)
+            .map(|link| link.to_string())
+            .map_err(|failure| failure.to_string())
     }
 
     #[test]
     fn a_drive_with_ascii_frames_from_the_factory_says_what_to_add() {
-        assert_eq!(settings("simulate --model delta-vfd-el --framing ascii"), Ok("9600 7N2".to_owned()));
+        assert_eq!(
+            settings("simulate --model delta-vfd-el --framing ascii"),
+            Ok("9600 7N2".to_owned())
+        );
         let told = settings("simulate --model delta-vfd-el").unwrap_err();
-        assert!(told.contains("ASCII frames at 9600 7N2: add `--framing ascii`; or"), "{told}");
-        assert_eq!(settings("simulate --model delta-vfd-el --data-bits 8"), Ok("9600 8N2".to_owned()));
+        assert!(
+            told.contains("ASCII frames at 9600 7N2: add `--framing ascii`; or"),
+            "{told}"
+        );
+        assert_eq!(
+            settings("simulate --model delta-vfd-el --data-bits 8"),
+            Ok("9600 8N2".to_owned())
+        );
         let told = settings("simulate --model hyundai-n700 --data-bits 7").unwrap_err();
         assert!(told.contains("7 go with `--framing ascii`"), "{told}");
     }

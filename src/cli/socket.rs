@@ -23,7 +23,11 @@ pub struct SocketArgs {
     #[arg(short, long, value_name = "FILE", conflicts_with = "socket")]
     config: Option<PathBuf>,
     /// Socket of the gateway, in its data directory
-    #[arg(long, value_name = "PATH", default_value = "/var/lib/vfd-gateway/vfd-gateway.sock")]
+    #[arg(
+        long,
+        value_name = "PATH",
+        default_value = "/var/lib/vfd-gateway/vfd-gateway.sock"
+    )]
     socket: PathBuf,
 }
 
@@ -39,7 +43,9 @@ impl SocketArgs {
     /// # Errors
     /// The configuration cannot be read, or names no data directory.
     pub fn path(&self) -> Result<PathBuf, Failure> {
-        self.config.as_deref().map_or_else(|| Ok(self.socket.clone()), socket_of)
+        self.config
+            .as_deref()
+            .map_or_else(|| Ok(self.socket.clone()), socket_of)
     }
 }
 
@@ -47,7 +53,10 @@ impl SocketArgs {
 fn socket_of(path: &Path) -> Result<PathBuf, Failure> {
     let config = input::configuration(path)?;
     let directory = config.gateway.data_dir.ok_or_else(|| {
-        Failure::wrong(format!("{}: without `data_dir` in [gateway] there is no socket", path.display()))
+        Failure::wrong(format!(
+            "{}: without `data_dir` in [gateway] there is no socket",
+            path.display()
+        ))
     })?;
     Ok(directory.join(SOCKET_NAME))
 }
@@ -66,7 +75,11 @@ impl<'q> Question<'q> {
     /// A GET of `path`.
     #[must_use]
     pub const fn look(path: &'q str) -> Self {
-        Self { method: Method::GET, path, body: None }
+        Self {
+            method: Method::GET,
+            path,
+            body: None,
+        }
     }
 }
 
@@ -74,8 +87,15 @@ impl<'q> Question<'q> {
 ///
 /// # Errors
 /// Why there is no answer, for people.
-pub async fn ask(socket: &Path, question: Question<'_>, patience: Duration) -> Result<(StatusCode, Value), String> {
-    within(patience, async { exchange(connect(socket).await?, "localhost", question).await }).await
+pub async fn ask(
+    socket: &Path,
+    question: Question<'_>,
+    patience: Duration,
+) -> Result<(StatusCode, Value), String> {
+    within(patience, async {
+        exchange(connect(socket).await?, "localhost", question).await
+    })
+    .await
 }
 
 /// A new connection to `socket`.
@@ -90,7 +110,10 @@ pub async fn connect(socket: &Path) -> Result<UnixStream, String> {
 ///
 /// # Errors
 /// Those of `asking`, or that it takes too long.
-pub async fn within<T>(patience: Duration, asking: impl Future<Output = Result<T, String>>) -> Result<T, String> {
+pub async fn within<T>(
+    patience: Duration,
+    asking: impl Future<Output = Result<T, String>>,
+) -> Result<T, String> {
     let answer = tokio::time::timeout(patience, asking).await;
     answer.unwrap_or_else(|_| Err(format!("no answer within {} s", patience.as_secs())))
 }
@@ -135,9 +158,16 @@ pub async fn exchange_bytes(
     let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(text)?;
     tokio::spawn(connection);
     let body = body.map_or_else(Body::empty, |body| Body::from(body.to_string()));
-    let request = Request::builder().method(method).uri(path).header(header::HOST, host).body(body).map_err(text)?;
+    let request = Request::builder()
+        .method(method)
+        .uri(path)
+        .header(header::HOST, host)
+        .body(body)
+        .map_err(text)?;
     let response = sender.send_request(request).await.map_err(text)?;
     let status = response.status();
-    let body = to_bytes(Body::new(response.into_body()), ANSWER_BYTES_MAX).await.map_err(text)?;
+    let body = to_bytes(Body::new(response.into_body()), ANSWER_BYTES_MAX)
+        .await
+        .map_err(text)?;
     Ok((status, body))
 }

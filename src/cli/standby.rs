@@ -61,9 +61,16 @@ pub fn standby(args: &Args) -> Result<(), Failure> {
     }
 }
 
-fn ask(place: &SocketArgs, question: Question<'_>, patience: Duration) -> Result<(StatusCode, Value), Failure> {
+fn ask(
+    place: &SocketArgs,
+    question: Question<'_>,
+    patience: Duration,
+) -> Result<(StatusCode, Value), Failure> {
     let socket = place.path()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let answer = runtime.block_on(socket::ask(&socket, question, patience));
     answer.map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
 }
@@ -73,7 +80,10 @@ fn status(args: &LookArgs) -> Result<(), Failure> {
     if status != StatusCode::OK {
         return Err(Failure::failed(format!("the gateway answers {status}")));
     }
-    let lines = health["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let lines = health["lines"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
     if args.json {
         let lines: Vec<_> = lines
             .iter()
@@ -99,12 +109,25 @@ fn row(line: &Value) -> String {
         Some(false) => toned(Tone::Problem, &format!("{partner} does not answer")),
         None => format!("whether {partner} would take over is not known yet"),
     };
-    let state = match (word("role"), standby["hears_other"] == true, line["state"] == "up") {
-        (_, _, false) => format!("{}; nothing can be heard", toned(Tone::Problem, "the port cannot be used")),
-        ("active", true, _) => format!("active; {}", toned(Tone::Problem, "another master is heard")),
+    let state = match (
+        word("role"),
+        standby["hears_other"] == true,
+        line["state"] == "up",
+    ) {
+        (_, _, false) => format!(
+            "{}; nothing can be heard",
+            toned(Tone::Problem, "the port cannot be used")
+        ),
+        ("active", true, _) => format!(
+            "active; {}",
+            toned(Tone::Problem, "another master is heard")
+        ),
         ("active", false, _) => format!("{}; {listens}", toned(Tone::Good, "active")),
         ("listening", true, _) => format!("{}; {partner} sends", toned(Tone::Good, "listening")),
-        ("listening", false, _) => format!("listening; {}", toned(Tone::Notice, "no other gateway is heard")),
+        ("listening", false, _) => format!(
+            "listening; {}",
+            toned(Tone::Notice, "no other gateway is heard")
+        ),
         (role, ..) => role.to_owned(),
     };
     format!(
@@ -117,8 +140,15 @@ fn row(line: &Value) -> String {
 }
 
 fn hand_over(args: &YieldArgs) -> Result<(), Failure> {
-    let body = args.line.as_ref().map_or(Value::Null, |line| json!({ "line": line }));
-    let question = Question { method: Method::POST, path: "/api/v1/standby/yield", body: Some(&body) };
+    let body = args
+        .line
+        .as_ref()
+        .map_or(Value::Null, |line| json!({ "line": line }));
+    let question = Question {
+        method: Method::POST,
+        path: "/api/v1/standby/yield",
+        body: Some(&body),
+    };
     let (status, answer) = ask(&args.place, question, HAND_OVER_PATIENCE)?;
     if args.json {
         print(&format!("{answer}\n"))?;
@@ -128,8 +158,15 @@ fn hand_over(args: &YieldArgs) -> Result<(), Failure> {
     match status {
         StatusCode::OK => Ok(()),
         StatusCode::CONFLICT => Err(Failure::failed("not all lines were handed over")),
-        StatusCode::NOT_FOUND => Err(Failure::wrong(format!("{}; {}", error(&answer), known(&answer)))),
-        status => Err(Failure::failed(format!("the gateway answers {status}: {}", error(&answer)))),
+        StatusCode::NOT_FOUND => Err(Failure::wrong(format!(
+            "{}; {}",
+            error(&answer),
+            known(&answer)
+        ))),
+        status => Err(Failure::failed(format!(
+            "the gateway answers {status}: {}",
+            error(&answer)
+        ))),
     }
 }
 
@@ -138,18 +175,29 @@ fn error(answer: &Value) -> &str {
 }
 
 fn known(answer: &Value) -> String {
-    let lines: Vec<_> = answer["lines"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let lines: Vec<_> = answer["lines"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
     format!("the lines are {}", lines.join(", "))
 }
 
 /// What came of each line, for people.
 fn told(answer: &Value) -> String {
-    let lines = answer["lines"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let lines = answer["lines"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
     if lines.is_empty() {
         return "no line has a second gateway: there is nothing to hand over\n".to_owned();
     }
     let word = |line: &Value, key: &str| line[key].as_str().unwrap_or("?").to_owned();
-    lines.iter().map(|line| format!("line {}: {}\n", word(line, "line"), word(line, "message"))).collect()
+    lines
+        .iter()
+        .map(|line| format!("line {}: {}\n", word(line, "line"), word(line, "message")))
+        .collect()
 }
 
 #[cfg(test)]
@@ -167,15 +215,54 @@ mod tests {
     fn each_role_is_a_row() {
         let counts = "taken over 3, given up 2, rivals 1";
         for (state, role, hears, listener, told) in [
-            ("up", "active", false, Some(true), "active; b would take over"),
-            ("up", "active", false, Some(false), "active; b does not answer"),
-            ("up", "active", false, None, "active; whether b would take over is not known yet"),
-            ("up", "active", true, None, "active; another master is heard"),
+            (
+                "up",
+                "active",
+                false,
+                Some(true),
+                "active; b would take over",
+            ),
+            (
+                "up",
+                "active",
+                false,
+                Some(false),
+                "active; b does not answer",
+            ),
+            (
+                "up",
+                "active",
+                false,
+                None,
+                "active; whether b would take over is not known yet",
+            ),
+            (
+                "up",
+                "active",
+                true,
+                None,
+                "active; another master is heard",
+            ),
             ("up", "listening", true, None, "listening; b sends"),
-            ("up", "listening", false, None, "listening; no other gateway is heard"),
-            ("down", "listening", false, None, "the port cannot be used; nothing can be heard"),
+            (
+                "up",
+                "listening",
+                false,
+                None,
+                "listening; no other gateway is heard",
+            ),
+            (
+                "down",
+                "listening",
+                false,
+                None,
+                "the port cannot be used; nothing can be heard",
+            ),
         ] {
-            assert_eq!(row(&line(state, role, hears, listener)), format!("line hall-1: a is {told}; {counts}\n"));
+            assert_eq!(
+                row(&line(state, role, hears, listener)),
+                format!("line hall-1: a is {told}; {counts}\n")
+            );
         }
         let alone = json!({ "name": "hall-2", "state": "up", "standby": null });
         assert_eq!(row(&alone), "line hall-2: no second gateway\n");
@@ -183,8 +270,7 @@ mod tests {
 
     #[test]
     fn each_line_says_what_came_of_it() {
-        let answer =
-            json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
+        let answer = json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
         assert_eq!(told(&answer), "line hall-1: done\n");
         assert!(told(&json!({ "lines": [] })).contains("nothing to hand over"));
         assert_eq!(known(&json!({ "lines": ["a", "b"] })), "the lines are a, b");

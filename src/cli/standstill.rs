@@ -25,28 +25,42 @@ pub struct Args {
 
 /// Confirms it over the socket. Nothing is sent to the drive.
 pub fn standstill(args: &Args) -> Result<(), Failure> {
-    let name =
-        Name::new(&args.drive).ok_or_else(|| Failure::wrong(format!("`{}` is not a valid drive name", args.drive)))?;
+    let name = Name::new(&args.drive)
+        .ok_or_else(|| Failure::wrong(format!("`{}` is not a valid drive name", args.drive)))?;
     let socket = args.place.path()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let answered = |question: Question<'_>| {
         let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
-        answer.map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
+        answer
+            .map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
     };
     if !args.yes {
         let (_, health) = answered(Question::look("/api/v1/health"))?;
         print(&last_seen(&health, name.as_str()))?;
-        ask("have you looked, and does the motor stand?", "nothing was confirmed")?;
+        ask(
+            "have you looked, and does the motor stand?",
+            "nothing was confirmed",
+        )?;
     }
     let path = format!("/api/v1/drives/{name}/standstill");
     let body = json!({});
-    let (status, answer) = answered(Question { method: Method::POST, path: &path, body: Some(&body) })?;
+    let (status, answer) = answered(Question {
+        method: Method::POST,
+        path: &path,
+        body: Some(&body),
+    })?;
     match status {
-        StatusCode::OK => {
-            print(&format!("drive {name}: confirmed that the motor stands; a stop that is pending stays\n"))
-        }
+        StatusCode::OK => print(&format!(
+            "drive {name}: confirmed that the motor stands; a stop that is pending stays\n"
+        )),
         StatusCode::NOT_FOUND => Err(Failure::wrong(setup::unknown(&answer))),
-        status => Err(Failure::failed(format!("drive {name}: {}", why(status, &answer)))),
+        status => Err(Failure::failed(format!(
+            "drive {name}: {}",
+            why(status, &answer)
+        ))),
     }
 }
 
@@ -59,7 +73,9 @@ fn last_seen(health: &Value, name: &str) -> String {
 
 /// Why it was not confirmed.
 fn why(status: StatusCode, answer: &Value) -> String {
-    answer["error"].as_str().map_or_else(|| format!("the gateway answers {status}"), str::to_owned)
+    answer["error"]
+        .as_str()
+        .map_or_else(|| format!("the gateway answers {status}"), str::to_owned)
 }
 
 #[cfg(test)]
@@ -70,13 +86,25 @@ mod tests {
     fn who_confirms_is_shown_what_was_last_seen_of_that_drive() {
         let drive = |name: &str| json!({ "name": name, "may_still_run": true, "last_seen": null });
         let health = json!({ "drives": [drive("pump-1"), drive("pump-2"), { "name": "fan", "may_still_run": false }] });
-        assert_eq!(last_seen(&health, "pump-2"), "drive pump-2 MAY STILL RUN; go to the drive\n");
+        assert_eq!(
+            last_seen(&health, "pump-2"),
+            "drive pump-2 MAY STILL RUN; go to the drive\n"
+        );
         assert_eq!(last_seen(&health, "fan"), "");
     }
 
     #[test]
     fn a_refusal_is_told_in_the_words_of_the_gateway() {
-        assert_eq!(why(StatusCode::CONFLICT, &json!({ "error": "nothing to confirm" })), "nothing to confirm");
-        assert_eq!(why(StatusCode::BAD_GATEWAY, &Value::Null), "the gateway answers 502 Bad Gateway");
+        assert_eq!(
+            why(
+                StatusCode::CONFLICT,
+                &json!({ "error": "nothing to confirm" })
+            ),
+            "nothing to confirm"
+        );
+        assert_eq!(
+            why(StatusCode::BAD_GATEWAY, &Value::Null),
+            "the gateway answers 502 Bad Gateway"
+        );
     }
 }

@@ -8,7 +8,11 @@ use crate::profile::model::{Model, OrderKind};
 
 /// The models of `catalog` whose motor is started by `word` at `address`.
 pub fn models_that_run(catalog: &Catalog, address: u16, word: u16) -> Vec<&str> {
-    let runs = |id: &&str| catalog.find(id).is_some_and(|model| runs(model, address, word));
+    let runs = |id: &&str| {
+        catalog
+            .find(id)
+            .is_some_and(|model| runs(model, address, word))
+    };
     catalog.ids().filter(runs).collect()
 }
 
@@ -17,5 +21,8 @@ fn runs(model: &Model, address: u16, word: u16) -> bool {
     let address = address.into();
     let is_decoded = || matches!(decode::order(model, address, &[word]), Ok(Order::Go(go)) if go.run().is_some());
     let runs = |kind| matches!(kind, OrderKind::Forward | OrderKind::Reverse);
-    model.orders_at(address).any(|(kind, fact)| runs(kind) && fact.value == word) || is_decoded()
+    model
+        .orders_at(address)
+        .any(|(kind, fact)| runs(kind) && fact.value == word)
+        || is_decoded()
 }

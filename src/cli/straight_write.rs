@@ -41,7 +41,10 @@ impl Straight {
     /// This frequency in Hz before `run`, and nothing else.
     #[must_use]
     pub fn with_frequency(hz: &str) -> Self {
-        Self { frequency: Some(hz.to_owned()), ..Self::default() }
+        Self {
+            frequency: Some(hz.to_owned()),
+            ..Self::default()
+        }
     }
 }
 
@@ -53,7 +56,9 @@ pub(super) fn limits(text: &str) -> Result<(f64, f64), String> {
     let wrong = || format!("{text} are not limits such as 5-50, in Hz");
     let (least, most) = text.split_once('-').ok_or_else(wrong)?;
     match (least.trim().parse(), most.trim().parse()) {
-        (Ok(least), Ok(most)) if 0.0 <= least && least <= most && most <= 600.0 => Ok((least, most)),
+        (Ok(least), Ok(most)) if 0.0 <= least && least <= most && most <= 600.0 => {
+            Ok((least, most))
+        }
         _ => Err(wrong()),
     }
 }
@@ -64,26 +69,46 @@ pub(super) fn limits(text: &str) -> Result<(f64, f64), String> {
 /// Limits are missing, or the register is one that commands are written to.
 pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extra, Failure> {
     let Some(model) = target.model()? else {
-        let is_given =
-            straight.limits.is_some() || straight.frequency.is_some() || !straight.accept_unverified.is_empty();
+        let is_given = straight.limits.is_some()
+            || straight.frequency.is_some()
+            || !straight.accept_unverified.is_empty();
         let what = "--limits, --frequency and --accept-unverified are for a port: a gateway has its own limits";
-        return if is_given { Err(Failure::wrong(what)) } else { Ok(Extra::default()) };
+        return if is_given {
+            Err(Failure::wrong(what))
+        } else {
+            Ok(Extra::default())
+        };
     };
     if !order.is_uniform {
         let register = model.register_at(order.address);
         if register.is_some_and(|it| it.parameter_kind() == ParameterKind::Command) {
-            return Err(Failure::wrong("commands are not written as words: use `run` or `frequency`"));
+            return Err(Failure::wrong(
+                "commands are not written as words: use `run` or `frequency`",
+            ));
         }
         let native_write = vec![order.address];
-        return Ok(Extra { control: Extra::control_at_rest(), native_write, poll: Some(POLL), ..Extra::default() });
+        return Ok(Extra {
+            control: Extra::control_at_rest(),
+            native_write,
+            poll: Some(POLL),
+            ..Extra::default()
+        });
     }
     let moves = order.makes_run() || order.address == map::SETPOINT;
     let limits = match straight.limits {
         Some(limits) => limits,
-        None if moves => return Err(Failure::wrong("directly on a port, --limits is needed, such as --limits 5-50")),
+        None if moves => {
+            return Err(Failure::wrong(
+                "directly on a port, --limits is needed, such as --limits 5-50",
+            ));
+        }
         None => (1.0, 1.0),
     };
-    let direction = if order.makes_run() && order.word == 2 { "reverse" } else { "forward" };
+    let direction = if order.makes_run() && order.word == 2 {
+        "reverse"
+    } else {
+        "forward"
+    };
     // A command that only sets something leaves the drive as it is; one that makes it run stops it in any case.
     let on_shutdown = if order.makes_run() { "stop" } else { "hold" };
     let control = control(limits, direction, on_shutdown);
@@ -91,7 +116,13 @@ pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extr
     if moves {
         basics_are_accepted(&model, &accept_unverified)?;
     }
-    Ok(Extra { control, moves, accept_unverified, native_write: Vec::new(), poll: Some(POLL) })
+    Ok(Extra {
+        control,
+        moves,
+        accept_unverified,
+        native_write: Vec::new(),
+        poll: Some(POLL),
+    })
 }
 
 /// A start needs a stop that is proven, or that the user has seen.
@@ -125,7 +156,10 @@ pub async fn arm(client: &mut Client, straight: &Straight) -> Result<(), Failure
     is_settled(client, until).await?;
     match client.write(map::SETPOINT, word).await {
         Ok(()) => Ok(()),
-        Err(error) => Err(Failure::failed(format!("frequency: {error}{}", reason(client).await))),
+        Err(error) => Err(Failure::failed(format!(
+            "frequency: {error}{}",
+            reason(client).await
+        ))),
     }
 }
 
@@ -148,7 +182,10 @@ async fn is_settled(client: &mut Client, until: Instant) -> Result<(), Failure> 
         }
         if Instant::now() >= until {
             let why = Reason::StopPending.text();
-            return Err(Failure::failed(format!("nothing was started: {why}{}", reason(client).await)));
+            return Err(Failure::failed(format!(
+                "nothing was started: {why}{}",
+                reason(client).await
+            )));
         }
         sleep(LOOK_EVERY).await;
     }

@@ -102,14 +102,22 @@ impl Target {
     pub async fn reach(&self, is_uniform: bool, extra: &Extra) -> Result<Reached, Failure> {
         match &self.port {
             Port::Tcp(port) => {
-                let unit = self.unit.ok_or_else(|| Failure::wrong("through a gateway, --unit is needed"))?;
-                Ok(Reached { client: Client::new(Way::Tcp(self.host.clone(), *port), unit), own: None })
+                let unit = self
+                    .unit
+                    .ok_or_else(|| Failure::wrong("through a gateway, --unit is needed"))?;
+                Ok(Reached {
+                    client: Client::new(Way::Tcp(self.host.clone(), *port), unit),
+                    own: None,
+                })
             }
             Port::Line(line) => {
                 let own = OwnGateway::start(line, &self.on_port, extra).await?;
                 let unit = if is_uniform { UNIFORM_UNIT } else { UNIT };
                 let client = Client::new(Way::Own(own.connections()), unit);
-                Ok(Reached { client, own: Some(own) })
+                Ok(Reached {
+                    client,
+                    own: Some(own),
+                })
             }
         }
     }

@@ -57,10 +57,17 @@ pub fn usage(args: &Args) -> Result<(), Failure> {
 fn show(directory: &Path, args: &Args) -> Result<(), Failure> {
     let path = file_in(directory);
     if !path.exists() {
-        return Err(Failure::failed(format!("{}: there is no journal", path.display())));
+        return Err(Failure::failed(format!(
+            "{}: there is no journal",
+            path.display()
+        )));
     }
     let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
-    let most = args.days.unwrap_or(if args.csv || args.json { usize::MAX } else { DAYS_USUAL });
+    let most = args.days.unwrap_or(if args.csv || args.json {
+        usize::MAX
+    } else {
+        DAYS_USUAL
+    });
     let mut drives: BTreeMap<String, VecDeque<DayRow>> = BTreeMap::new();
     let connection = connect(&path).map_err(failed)?;
     each(&connection, args.drive.as_deref(), |row| {
@@ -79,7 +86,10 @@ fn show(directory: &Path, args: &Args) -> Result<(), Failure> {
     for (drive, days) in &drives {
         let shown: String = match (args.csv, args.json) {
             (true, _) => days.iter().map(DayRow::in_csv).collect(),
-            (_, true) => days.iter().map(|day| day.in_json().to_string() + "\n").collect(),
+            (_, true) => days
+                .iter()
+                .map(|day| day.in_json().to_string() + "\n")
+                .collect(),
             _ => table(drive, days),
         };
         print(&shown)?;
@@ -89,10 +99,15 @@ fn show(directory: &Path, args: &Args) -> Result<(), Failure> {
 
 /// The days of one drive for people.
 fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
-    let mut text = format!("{drive}\n  day         energy kWh  from     running h  starts  trips\n");
+    let mut text =
+        format!("{drive}\n  day         energy kWh  from     running h  starts  trips\n");
     for day in days {
         let row = day.in_json();
-        let decimals = |key: &str| row[key].as_f64().map_or_else(|| "-".to_owned(), |number| format!("{number:.2}"));
+        let decimals = |key: &str| {
+            row[key]
+                .as_f64()
+                .map_or_else(|| "-".to_owned(), |number| format!("{number:.2}"))
+        };
         let word = |key: &str| row[key].as_str().unwrap_or("-").to_owned();
         text += &format!(
             "  {}  {:>10}  {:7}  {:>9}  {:>6}  {:>5}\n",
@@ -109,29 +124,51 @@ fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
 
 /// Asks the running gateway, because it continues from the sums that it holds.
 fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), Failure> {
-    let name = Name::new(drive).ok_or_else(|| Failure::wrong(format!("`{drive}` is not a valid drive name")))?;
+    let name = Name::new(drive)
+        .ok_or_else(|| Failure::wrong(format!("`{drive}` is not a valid drive name")))?;
     if !yes {
-        print(&format!("energy, running hours, starts and trips of {name} begin at 0 again\n"))?;
+        print(&format!(
+            "energy, running hours, starts and trips of {name} begin at 0 again\n"
+        ))?;
         ask_for_consent()?;
     }
     let socket = directory.join(SOCKET_NAME);
     let path = format!("/api/v1/drives/{name}/usage/reset");
-    let question = Question { method: Method::POST, path: &path, body: Some(&Value::Null) };
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let question = Question {
+        method: Method::POST,
+        path: &path,
+        body: Some(&Value::Null),
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     let at = socket.display();
     match runtime.block_on(socket::ask(&socket, question, PATIENCE)) {
-        Ok((StatusCode::OK, answer)) => print(&format!("{name} was at {}\n", words(&answer["before"]))),
+        Ok((StatusCode::OK, answer)) => {
+            print(&format!("{name} was at {}\n", words(&answer["before"])))
+        }
         Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-        Ok((status, _)) => Err(Failure::failed(format!("gateway at {at}: it answers {status}"))),
+        Ok((status, _)) => Err(Failure::failed(format!(
+            "gateway at {at}: it answers {status}"
+        ))),
         Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
     }
 }
 
 /// Sums in words; those that the drive does not have are left out.
 fn words(sums: &Value) -> String {
-    let parts = [("energy_kwh", "kWh"), ("running_hours", "h"), ("starts", "starts"), ("trips", "trips")];
+    let parts = [
+        ("energy_kwh", "kWh"),
+        ("running_hours", "h"),
+        ("starts", "starts"),
+        ("trips", "trips"),
+    ];
     let known = parts.iter().filter(|(key, _)| !sums[key].is_null());
-    known.map(|(key, unit)| format!("{} {unit}", sums[key])).collect::<Vec<_>>().join(", ")
+    known
+        .map(|(key, unit)| format!("{} {unit}", sums[key]))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 #[cfg(test)]
@@ -142,18 +179,36 @@ mod tests {
     use serde_json::json;
 
     fn day(energy_from: Option<EnergySource>) -> DayRow {
-        let totals = UsageTotals { energy_mj: 5_400_000_000, running: Duration::from_secs(5400), starts: 3, trips: 1 };
-        DayRow { drive: "pump-1".into(), day: Day(20_000), usage: DayUsage { totals, energy_from } }
+        let totals = UsageTotals {
+            energy_mj: 5_400_000_000,
+            running: Duration::from_secs(5400),
+            starts: 3,
+            trips: 1,
+        };
+        DayRow {
+            drive: "pump-1".into(),
+            day: Day(20_000),
+            usage: DayUsage {
+                totals,
+                energy_from,
+            },
+        }
     }
 
     #[test]
     fn a_day_is_shown_in_each_form() {
         let rows = VecDeque::from([day(Some(EnergySource::Counter)), day(None)]);
         let text = table("pump-1", &rows);
-        let lines: Vec<_> = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+        let lines: Vec<_> = text
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+            .collect();
         assert_eq!(lines[2], "2024-10-04 1.50 counter 1.50 3 1");
         assert_eq!(lines[3], "2024-10-04 - - 1.50 3 1", "no energy is known");
-        assert_eq!(rows[0].in_csv(), "2024-10-04,pump-1,1.50,counter,1.50,3,1\n");
+        assert_eq!(
+            rows[0].in_csv(),
+            "2024-10-04,pump-1,1.50,counter,1.50,3,1\n"
+        );
         assert_eq!(rows[1].in_csv(), "2024-10-04,pump-1,,,1.50,3,1\n");
         assert_eq!(rows[1].in_json()["energy_kwh"], Value::Null);
     }

@@ -17,6 +17,10 @@ pub struct Args {
 /// Prints the settings. It fails unless all of them are right and were answered.
 pub fn verify(args: &Args) -> Result<(), Failure> {
     let seen = setup::Drive::new(&args.drive, &args.place)?.look()?;
-    print(&if args.json { format!("{seen}\n") } else { setup::report(&seen) })?;
+    print(&if args.json {
+        format!("{seen}\n")
+    } else {
+        setup::report(&seen)
+    })?;
     setup::judge(&seen)
 }

@@ -40,7 +40,11 @@ impl View {
     pub fn open(title: String) -> Result<Self, Failure> {
         // Another screen, without a cursor.
         put("\x1b[?1049h\x1b[?25l")?;
-        Ok(Self { title, rows: Vec::new(), trouble: None })
+        Ok(Self {
+            title,
+            rows: Vec::new(),
+            trouble: None,
+        })
     }
 
     /// These values were read at `now`.
@@ -48,13 +52,20 @@ impl View {
         self.trouble = None;
         let mut old = std::mem::take(&mut self.rows);
         for shown in values {
-            let before = old.iter().position(|row| row.shown.label == shown.label).map(|at| old.swap_remove(at));
+            let before = old
+                .iter()
+                .position(|row| row.shown.label == shown.label)
+                .map(|at| old.swap_remove(at));
             let changed_at = match before {
                 Some(row) if row.shown == shown => row.changed_at,
                 Some(_) => Some(now),
                 None => None,
             };
-            self.rows.push(Row { shown, read_at: now, changed_at });
+            self.rows.push(Row {
+                shown,
+                read_at: now,
+                changed_at,
+            });
         }
     }
 
@@ -79,15 +90,30 @@ impl View {
         let width = |of: fn(&Row) -> usize| self.rows.iter().map(of).max().unwrap_or(0);
         let names = width(|row| row.shown.label.chars().count()).max(4);
         let values = width(|row| row.shown.text().chars().count()).max(5);
-        let mut all =
-            vec![self.title.clone(), format!("  {:names$}  {:values$}  {:>8}  {}", "name", "value", "age", "changed")];
+        let mut all = vec![
+            self.title.clone(),
+            format!(
+                "  {:names$}  {:values$}  {:>8}  {}",
+                "name", "value", "age", "changed"
+            ),
+        ];
         let room = lines.saturating_sub(OTHER_LINES).max(1);
         for row in self.rows.iter().take(room) {
             let age = format!("{:.1} s", now.since(row.read_at).as_secs_f64());
             let since = row.changed_at.map(|at| now.since(at));
-            let mark = if since.is_some_and(|since| since < MARKED_FOR) { '*' } else { ' ' };
-            let since = since.map(|since| format!("{} s ago", since.as_secs())).unwrap_or_default();
-            all.push(format!("{mark} {:names$}  {:values$}  {age:>8}  {since}", row.shown.label, row.shown.text()));
+            let mark = if since.is_some_and(|since| since < MARKED_FOR) {
+                '*'
+            } else {
+                ' '
+            };
+            let since = since
+                .map(|since| format!("{} s ago", since.as_secs()))
+                .unwrap_or_default();
+            all.push(format!(
+                "{mark} {:names$}  {:values$}  {age:>8}  {since}",
+                row.shown.label,
+                row.shown.text()
+            ));
         }
         let hidden = self.rows.len().saturating_sub(room);
         if hidden > 0 {
@@ -99,7 +125,11 @@ impl View {
         all.push("Ctrl-C ends".to_owned());
         let mut text = String::new();
         for line in all {
-            let _ = writeln!(text, "{}", line.chars().take(columns).collect::<String>().trim_end());
+            let _ = writeln!(
+                text,
+                "{}",
+                line.chars().take(columns).collect::<String>().trim_end()
+            );
         }
         text
     }
@@ -114,7 +144,9 @@ impl Drop for View {
 
 fn put(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::failed)
+    out.write_all(text.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(Failure::failed)
 }
 
 /// Columns and lines of the terminal.
@@ -130,7 +162,11 @@ mod tests {
     use super::*;
 
     fn view() -> View {
-        View { title: "pump".to_owned(), rows: Vec::new(), trouble: None }
+        View {
+            title: "pump".to_owned(),
+            rows: Vec::new(),
+            trouble: None,
+        }
     }
 
     fn at(millis: u64) -> MonoTime {
@@ -140,23 +176,50 @@ mod tests {
     #[test]
     fn changes_are_marked_for_a_while_and_ages_grow() {
         let mut view = view();
-        view.values(vec![Shown::word("speed", 1, 10), Shown::word("load", 2, 5)], at(0));
-        view.values(vec![Shown::word("speed", 1, 11), Shown::word("load", 2, 5)], at(1000));
-        let lines: Vec<String> = view.text(at(1500), 80, 24).lines().map(str::to_owned).collect();
-        assert!(lines[2].starts_with("* speed") && lines[2].contains("0.5 s"), "{lines:?}");
+        view.values(
+            vec![Shown::word("speed", 1, 10), Shown::word("load", 2, 5)],
+            at(0),
+        );
+        view.values(
+            vec![Shown::word("speed", 1, 11), Shown::word("load", 2, 5)],
+            at(1000),
+        );
+        let lines: Vec<String> = view
+            .text(at(1500), 80, 24)
+            .lines()
+            .map(str::to_owned)
+            .collect();
+        assert!(
+            lines[2].starts_with("* speed") && lines[2].contains("0.5 s"),
+            "{lines:?}"
+        );
         assert!(lines[3].starts_with("  load"), "{lines:?}");
         view.trouble("the drive did not answer");
         let later = view.text(at(9000), 80, 24);
-        assert!(later.contains("  speed") && later.contains("8.0 s") && later.contains("8 s ago"), "{later}");
-        assert!(later.contains("NO ANSWER: the drive did not answer"), "{later}");
+        assert!(
+            later.contains("  speed") && later.contains("8.0 s") && later.contains("8 s ago"),
+            "{later}"
+        );
+        assert!(
+            later.contains("NO ANSWER: the drive did not answer"),
+            "{later}"
+        );
     }
 
     #[test]
     fn it_fits_into_the_window() {
         let mut view = view();
-        view.values((0..50).map(|at| Shown::word(&format!("register {at}"), at, at)).collect(), at(0));
+        view.values(
+            (0..50)
+                .map(|at| Shown::word(&format!("register {at}"), at, at))
+                .collect(),
+            at(0),
+        );
         let text = view.text(at(0), 20, 10);
         assert!(text.lines().count() < 10, "{text}");
-        assert!(text.lines().all(|line| line.chars().count() <= 20) && text.contains("and 45 more"), "{text}");
+        assert!(
+            text.lines().all(|line| line.chars().count() <= 20) && text.contains("and 45 more"),
+            "{text}"
+        );
     }
 }

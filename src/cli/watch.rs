@@ -48,22 +48,32 @@ impl Args {
 const EVERY: RangeInclusive<Duration> = Duration::from_millis(10)..=Duration::from_secs(24 * 3600);
 
 fn every(text: &str) -> Result<Duration, String> {
-    let (number, unit) = text.split_at(text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len()));
+    let (number, unit) = text.split_at(
+        text.find(|c: char| !c.is_ascii_digit())
+            .unwrap_or(text.len()),
+    );
     let millis = match unit {
         "ms" => 1,
         "s" => 1000,
         "min" => 60_000,
         _ => 0,
     };
-    let time = number.parse::<u32>().ok().map(|number| Duration::from_millis(u64::from(number) * millis));
-    time.filter(|time| EVERY.contains(time)).ok_or_else(|| "a time from 10ms to a day, such as 500ms or 2s".to_owned())
+    let time = number
+        .parse::<u32>()
+        .ok()
+        .map(|number| Duration::from_millis(u64::from(number) * millis));
+    time.filter(|time| EVERY.contains(time))
+        .ok_or_else(|| "a time from 10ms to a day, such as 500ms or 2s".to_owned())
 }
 
 /// Reads until SIGINT or SIGTERM, or until the output has no reader. A failure is reported once and then retried; only
 /// the first attempt must succeed in connecting.
 pub fn watch(args: &Args) -> Result<(), Failure> {
     let asked = args.what.asked()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         let mut told = pin!(told_to_end().map_err(Failure::failed)?);
         let mut reached = tokio::select! {
@@ -96,7 +106,12 @@ async fn show(args: &Args, asked: &ReadRequest, client: &mut Client) -> Result<(
             }
         }
     }
-    let mut screen = Screen { args, begun: clock::now(), last: None, complaint: None };
+    let mut screen = Screen {
+        args,
+        begun: clock::now(),
+        last: None,
+        complaint: None,
+    };
     loop {
         ticks.tick().await;
         if !screen.look(client, asked).await? {
@@ -123,7 +138,9 @@ impl Screen<'_> {
                 self.last = Some(values);
                 put(&lines)
             }
-            Err(NoAnswer::Unreachable(reason)) if self.last.is_none() && self.complaint.is_none() => {
+            Err(NoAnswer::Unreachable(reason))
+                if self.last.is_none() && self.complaint.is_none() =>
+            {
                 Err(Failure::failed(reason))
             }
             Err(error) => {
@@ -172,7 +189,18 @@ mod tests {
         assert_eq!(every("500ms"), Ok(Duration::from_millis(500)));
         assert_eq!(every("2s"), Ok(Duration::from_secs(2)));
         assert_eq!(every("5min"), Ok(Duration::from_secs(300)));
-        for wrong in ["", "1", "s", "0s", "9ms", "2days", "99999999999999s", "1441min", "-1s", "1.5s"] {
+        for wrong in [
+            "",
+            "1",
+            "s",
+            "0s",
+            "9ms",
+            "2days",
+            "99999999999999s",
+            "1441min",
+            "-1s",
+            "1.5s",
+        ] {
             assert!(every(wrong).is_err(), "{wrong}");
         }
     }

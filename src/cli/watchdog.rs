@@ -34,7 +34,8 @@ fn time(text: &str) -> Result<Time, String> {
         return Ok(Time::Off);
     }
     let time = parse_duration(text).filter(|time| !time.is_zero());
-    time.map(Time::After).ok_or_else(|| "a time such as 5s or 2500ms, or off, is expected".to_owned())
+    time.map(Time::After)
+        .ok_or_else(|| "a time such as 5s or 2500ms, or off, is expected".to_owned())
 }
 
 /// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
@@ -52,7 +53,10 @@ pub fn watchdog(args: &Args) -> Result<(), Failure> {
     let name = text(&before, "drive");
     let new = called(wanted);
     let old = word(&before["watchdog"]["found"]);
-    print(&format!("drive {name}, at standstill:\n  {}  {old} -> {new}\n", what(&before)))?;
+    print(&format!(
+        "drive {name}, at standstill:\n  {}  {old} -> {new}\n",
+        what(&before)
+    ))?;
     if !args.yes {
         ask_for_consent()?;
     }
@@ -86,8 +90,12 @@ fn judge(seen: &Value, wanted: &str) -> Result<(), Failure> {
         Some(state) if state == wanted => Ok(()),
         Some("off") => Err(Failure::failed(format!("{name}: its watchdog is off"))),
         Some("on") => Err(Failure::failed(format!("{name}: its watchdog is on"))),
-        Some(_) => Err(Failure::failed(format!("{name}: its watchdog could not be read"))),
-        None => Err(Failure::failed(format!("{name}: no watchdog is known for this model"))),
+        Some(_) => Err(Failure::failed(format!(
+            "{name}: its watchdog could not be read"
+        ))),
+        None => Err(Failure::failed(format!(
+            "{name}: no watchdog is known for this model"
+        ))),
     }
 }
 
@@ -101,13 +109,19 @@ mod tests {
         assert_eq!(time("5s"), Ok(Time::After(Duration::from_secs(5))));
         assert_eq!(time("2500ms"), Ok(Time::After(Duration::from_millis(2500))));
         assert_eq!(time("OFF"), Ok(Time::Off));
-        assert!(["0s", "5", "-1s", "2.5s", ""].into_iter().all(|wrong| time(wrong).is_err()));
+        assert!(
+            ["0s", "5", "-1s", "2.5s", ""]
+                .into_iter()
+                .all(|wrong| time(wrong).is_err())
+        );
     }
 
     #[test]
     fn what_was_not_wanted_is_a_failure() {
         let seen = |state: Value| json!({ "drive": "d", "watchdog": { "state": state } });
-        assert!(judge(&seen("on".into()), "on").is_ok() && judge(&seen("off".into()), "off").is_ok());
+        assert!(
+            judge(&seen("on".into()), "on").is_ok() && judge(&seen("off".into()), "off").is_ok()
+        );
         for (state, said) in [
             (json!("off"), "d: its watchdog is off"),
             (json!("not_answered"), "d: its watchdog could not be read"),

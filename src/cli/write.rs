@@ -69,7 +69,10 @@ pub fn write(args: &Args) -> Result<(), Failure> {
             order.text
         )));
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         // Set up before the first frame, so that no signal leaves a running drive behind.
         let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
@@ -98,15 +101,24 @@ async fn carry_out(
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
         }
-        return print(&format!("{}: acknowledged by the drive, now or before\n", order.text));
+        return print(&format!(
+            "{}: acknowledged by the drive, now or before\n",
+            order.text
+        ));
     }
     if args.is_straight() && order.makes_run() {
         arm(client, &args.straight).await?;
     }
     let Some(ours) = order.run(client).await? else {
-        return print(&format!("{}: acknowledged; there is nothing to hold\n", order.text));
+        return print(&format!(
+            "{}: acknowledged; there is nothing to hold\n",
+            order.text
+        ));
     };
-    print(&format!("{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n", order.text))?;
+    print(&format!(
+        "{}: acknowledged; the lease is renewed until Ctrl-C, which stops the drive\n",
+        order.text
+    ))?;
     let lost = tokio::select! {
         () = &mut told => None,
         lost = keep(client, ours) => Some(lost),
@@ -149,8 +161,15 @@ const INSTEAD: &str = "say `run forward`, `run reverse` or `run take` with the d
                        configuration does not say otherwise), which stops the drive at Ctrl-C; or write it with --once, \
                        and the drive runs its fail-safe action when the lease ends";
 /// The run commands by name.
-const RUN_COMMANDS: [(&str, u16); 7] =
-    [("stop", STOP), ("forward", 1), ("reverse", 2), ("coast", 3), ("reset", 4), ("release", 5), ("take", TAKE)];
+const RUN_COMMANDS: [(&str, u16); 7] = [
+    ("stop", STOP),
+    ("forward", 1),
+    ("reverse", 2),
+    ("coast", 3),
+    ("reset", 4),
+    ("release", 5),
+    ("take", TAKE),
+];
 /// The run command that stops.
 const STOP: u16 = 0;
 /// The one that takes control over without moving anything.
@@ -167,8 +186,18 @@ impl Order {
             _ => (register_of(args, register)?, word(value)?),
         };
         let is_uniform = args.uniform || matches!(register, "run" | "frequency");
-        let starts = if is_uniform || args.is_straight() { None } else { starts(args, address, word)? };
-        Ok(Self { address, word, is_uniform, text, starts })
+        let starts = if is_uniform || args.is_straight() {
+            None
+        } else {
+            starts(args, address, word)?
+        };
+        Ok(Self {
+            address,
+            word,
+            is_uniform,
+            text,
+            starts,
+        })
     }
 
     pub fn makes_run(&self) -> bool {
@@ -203,14 +232,20 @@ impl Order {
             Ok(text) => text,
             Err(failure) => failure.message,
         };
-        Err(Failure::failed(format!("{}: {error}; it may have been carried out, so it is stopped: {then}", self.text)))
+        Err(Failure::failed(format!(
+            "{}: {error}; it may have been carried out, so it is stopped: {then}",
+            self.text
+        )))
     }
 
     /// The run command that was taken over with the lease; `None` if no client holds one.
     async fn taken(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
         let read = async |client: &mut Client, address| match client.read(address, 1).await {
             Ok(words) => Ok(words.first().copied().unwrap_or(0)),
-            Err(error) => Err(Failure::failed(format!("{}: acknowledged, but then: {error}", self.text))),
+            Err(error) => Err(Failure::failed(format!(
+                "{}: acknowledged, but then: {error}",
+                self.text
+            ))),
         };
         if read(client, LEASE_LEFT).await? == 0 {
             return Ok(None);
@@ -230,7 +265,10 @@ impl Order {
 
 fn run_command(value: &str) -> Result<u16, Failure> {
     let names = || RUN_COMMANDS.iter().map(|(name, _)| *name);
-    let found = RUN_COMMANDS.iter().find(|(name, _)| *name == value).map(|(_, word)| *word);
+    let found = RUN_COMMANDS
+        .iter()
+        .find(|(name, _)| *name == value)
+        .map(|(_, word)| *word);
     found.ok_or_else(|| {
         Failure::wrong(format!(
             "{value} is not a run command; expected one of {}",
@@ -246,7 +284,9 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
     let models = models_that_run(&catalog, address, word);
     Ok(match (address, word) {
         _ if !models.is_empty() => Some(format!("makes the motor of {} run", models.join(", "))),
-        (map::RUN, 1 | 2 | TAKE) => Some("makes a motor run at a uniform unit, or takes it over".to_owned()),
+        (map::RUN, 1 | 2 | TAKE) => {
+            Some("makes a motor run at a uniform unit, or takes it over".to_owned())
+        }
         _ => None,
     })
 }
@@ -254,9 +294,14 @@ fn starts(args: &Args, address: u16, word: u16) -> Result<Option<String>, Failur
 /// The addressed register; directly on a port also by its name or code.
 fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
     let model = args.target.model()?.filter(|_| !args.uniform);
-    let named = model.as_ref().and_then(|model| model.register_named(register));
+    let named = model
+        .as_ref()
+        .and_then(|model| model.register_named(register));
     if let Some(other) = named.filter(|named| named.address.table() != Table::Holding) {
-        let what = format!("{} ({}) is no holding register: `write` writes no other", other.name, other.address);
+        let what = format!(
+            "{} ({}) is no holding register: `write` writes no other",
+            other.name, other.address
+        );
         return Err(Failure::wrong(what));
     }
     let named = named.map(|named| named.address.number());
@@ -264,26 +309,39 @@ fn register_of(args: &Args, register: &str) -> Result<u16, Failure> {
 }
 
 pub fn frequency(value: &str) -> Result<u16, Failure> {
-    let wrong =
-        |what: &dyn std::fmt::Display| Failure::wrong(format!("{value} is not a frequency such as 42.5: {what}"));
+    let wrong = |what: &dyn std::fmt::Display| {
+        Failure::wrong(format!("{value} is not a frequency such as 42.5: {what}"))
+    };
     let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
     if !hertz.millihertz().is_multiple_of(10) {
         return Err(wrong(&"finer than 0.01 Hz"));
     }
-    hertz.centihertz().ok_or_else(|| wrong(&NoFrequency::OutOfRange))
+    hertz
+        .centihertz()
+        .ok_or_else(|| wrong(&NoFrequency::OutOfRange))
 }
 
 fn word(value: &str) -> Result<u16, Failure> {
     address(value).map_err(|_| {
-        Failure::wrong(format!("{value} is not a 16-bit word: give a number from 0 to 65535, such as 5000"))
+        Failure::wrong(format!(
+            "{value} is not a 16-bit word: give a number from 0 to 65535, such as 5000"
+        ))
     })
 }
 
 /// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
 pub async fn reason(client: &mut Client) -> String {
-    let number = client.read(REASON, 1).await.ok().and_then(|words| words.first().copied());
-    let reason = Reason::ALL.iter().find(|reason| Some(reason.number()) == number && **reason != Reason::None);
-    reason.map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word())).unwrap_or_default()
+    let number = client
+        .read(REASON, 1)
+        .await
+        .ok()
+        .and_then(|words| words.first().copied());
+    let reason = Reason::ALL
+        .iter()
+        .find(|reason| Some(reason.number()) == number && **reason != Reason::None);
+    reason
+        .map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word()))
+        .unwrap_or_default()
 }
 
 /// Renews the lease, again and again. It returns when the drive no longer runs by our command.
@@ -296,11 +354,17 @@ async fn keep(client: &mut Client, ours: u16) -> Failure {
                 renew_after(left)
             }
             Ok(None) => {
-                return Failure::failed(format!("the drive no longer runs by this command{}", reason(client).await));
+                return Failure::failed(format!(
+                    "the drive no longer runs by this command{}",
+                    reason(client).await
+                ));
             }
             Err(NoAnswer::Exception(code @ (1..=3 | 6))) => {
                 let text = NoAnswer::Exception(code);
-                return Failure::failed(format!("the lease is lost: {text}{}", reason(client).await));
+                return Failure::failed(format!(
+                    "the lease is lost: {text}{}",
+                    reason(client).await
+                ));
             }
             Err(error) => {
                 let text = error.to_string();
@@ -347,7 +411,9 @@ pub async fn stop(client: &mut Client) -> Result<String, Failure> {
     }
     let why = last.map(|error| error.to_string()).unwrap_or_default();
     let then = "the drive will run its fail-safe action when the lease ends";
-    Err(Failure::failed(format!("THE STOP IS NOT ACKNOWLEDGED: {why}; {then}")))
+    Err(Failure::failed(format!(
+        "THE STOP IS NOT ACKNOWLEDGED: {why}; {then}"
+    )))
 }
 
 #[cfg(test)]
@@ -370,29 +436,69 @@ mod tests {
     fn end_of(register: u16, word: u16, more: &[&str]) -> Failure {
         let register = format!("0x{register:04X}");
         let word = word.to_string();
-        let line = [&["write", "--port", NOBODY, "--unit", "1", &register, &word], more].concat();
+        let line = [
+            &["write", "--port", NOBODY, "--unit", "1", &register, &word],
+            more,
+        ]
+        .concat();
         write(&Line::try_parse_from(line).unwrap().args).unwrap_err()
     }
 
     #[test]
     fn a_word_that_makes_a_motor_run_is_not_written_and_left_alone() {
         let catalog = crate::vendors::catalog();
-        for model in crate::vendors::reviewed().iter().map(|id| catalog.find(id).unwrap()) {
+        for model in crate::vendors::reviewed()
+            .iter()
+            .map(|id| catalog.find(id).unwrap())
+        {
             let run = model.run.as_ref().unwrap();
             let register = model.register_for(Role::RunCommand).unwrap().address;
-            let starts = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten().map(|it| it.value);
+            let starts = [Some(&run.forward), run.reverse.as_ref()]
+                .into_iter()
+                .flatten()
+                .map(|it| it.value);
             for word in starts {
                 let refused = end_of(register.number(), word, &[]);
-                assert_eq!(refused.code, crate::cli::failure::WRONG_USAGE, "{}: {}", model.id, refused.message);
-                assert!(refused.message.contains(&model.id), "{}: {}", model.id, refused.message);
-                assert!(refused.message.contains("run forward"), "{}", refused.message);
+                assert_eq!(
+                    refused.code,
+                    crate::cli::failure::WRONG_USAGE,
+                    "{}: {}",
+                    model.id,
+                    refused.message
+                );
+                assert!(
+                    refused.message.contains(&model.id),
+                    "{}: {}",
+                    model.id,
+                    refused.message
+                );
+                assert!(
+                    refused.message.contains("run forward"),
+                    "{}",
+                    refused.message
+                );
                 let once = end_of(register.number(), word, &["--once"]);
-                assert!(once.message.contains("cannot connect"), "{}: {}", model.id, once.message);
+                assert!(
+                    once.message.contains("cannot connect"),
+                    "{}: {}",
+                    model.id,
+                    once.message
+                );
             }
-            let others = [Some(&run.stop), run.coast.as_ref(), run.reset.as_ref(), run.release.as_ref()];
+            let others = [
+                Some(&run.stop),
+                run.coast.as_ref(),
+                run.reset.as_ref(),
+                run.release.as_ref(),
+            ];
             for word in others.into_iter().flatten().map(|it| it.value) {
                 let sent = end_of(register.number(), word, &[]);
-                assert!(sent.message.contains("cannot connect"), "{} {word}: {}", model.id, sent.message);
+                assert!(
+                    sent.message.contains("cannot connect"),
+                    "{} {word}: {}",
+                    model.id,
+                    sent.message
+                );
             }
         }
     }
@@ -400,12 +506,27 @@ mod tests {
     #[test]
     fn straight_on_a_port_no_word_is_written_where_commands_are() {
         let catalog = crate::vendors::catalog();
-        for model in crate::vendors::reviewed().iter().map(|id| catalog.find(id).unwrap()) {
-            let register = model.register_for(Role::RunCommand).unwrap().address.number();
-            let twin = model.quirks.stored_alias_bit.as_ref().map(|bit| register | 1 << bit.value);
+        for model in crate::vendors::reviewed()
+            .iter()
+            .map(|id| catalog.find(id).unwrap())
+        {
+            let register = model
+                .register_for(Role::RunCommand)
+                .unwrap()
+                .address
+                .number();
+            let twin = model
+                .quirks
+                .stored_alias_bit
+                .as_ref()
+                .map(|bit| register | 1 << bit.value);
             let word = model.run.as_ref().unwrap().forward.value.to_string();
             let place = ["--port", "/dev/none"];
-            for address in [Some(register), twin].into_iter().flatten().map(|it| format!("0x{it:04X}")) {
+            for address in [Some(register), twin]
+                .into_iter()
+                .flatten()
+                .map(|it| format!("0x{it:04X}"))
+            {
                 let drive = ["--model", &model.id, "--station", "1", &address, &word];
                 let line = [&["write"], &place[..], &drive].concat();
                 let refused = write(&Line::try_parse_from(line).unwrap().args).unwrap_err();
@@ -424,11 +545,21 @@ mod tests {
     fn the_run_command_of_a_uniform_unit_is_known_without_the_flag() {
         for word in [1, 2, TAKE] {
             let refused = end_of(map::RUN, word, &[]);
-            assert_eq!(refused.code, crate::cli::failure::WRONG_USAGE, "{word}: {}", refused.message);
+            assert_eq!(
+                refused.code,
+                crate::cli::failure::WRONG_USAGE,
+                "{word}: {}",
+                refused.message
+            );
             assert!(refused.message.contains("uniform"), "{}", refused.message);
         }
         for word in [STOP, 3, 4, 5] {
-            assert!(end_of(map::RUN, word, &[]).message.contains("cannot connect"), "{word}");
+            assert!(
+                end_of(map::RUN, word, &[])
+                    .message
+                    .contains("cannot connect"),
+                "{word}"
+            );
         }
     }
 
@@ -436,18 +567,33 @@ mod tests {
     fn frequencies_are_exact_or_refused() {
         assert_eq!(frequency("42.5").unwrap(), 4250);
         assert_eq!(frequency("0.01").unwrap(), 1);
-        for (wrong, why) in
-            [("42.505", "finer"), ("655.36", "range"), ("-1", "range"), ("4,5", "number"), ("fast", "number")]
-        {
+        for (wrong, why) in [
+            ("42.505", "finer"),
+            ("655.36", "range"),
+            ("-1", "range"),
+            ("4,5", "number"),
+            ("fast", "number"),
+        ] {
             let failure = frequency(wrong).unwrap_err();
-            assert!(failure.message.contains(why), "{wrong}: {}", failure.message);
+            assert!(
+                failure.message.contains(why),
+                "{wrong}: {}",
+                failure.message
+            );
             assert_eq!(failure.code, crate::cli::failure::WRONG_USAGE);
         }
     }
 
     #[test]
     fn a_lease_is_renewed_three_times_before_it_ends_and_every_second() {
-        for (left, millis) in [(0, 100), (1, 333), (2, 666), (3, 1000), (30, 1000), (NOT_KNOWN, 1000)] {
+        for (left, millis) in [
+            (0, 100),
+            (1, 333),
+            (2, 666),
+            (3, 1000),
+            (30, 1000),
+            (NOT_KNOWN, 1000),
+        ] {
             assert_eq!(renew_after(left).as_millis(), millis, "{left} s left");
         }
     }

@@ -38,43 +38,95 @@ impl<'a> Acceptance<'a> {
     /// `problem`, that something unproven is not accepted. It is only a warning while the drive is being qualified, or if
     /// what was confirmed at it no longer counts: the guard refuses the orders, and the other drives are served.
     pub fn judged(&self, problem: Problem) -> Problem {
-        let is_expected = self.qualifies() || matches!(self.standing, Standing::Void(..) | Standing::Unreadable);
-        if is_expected { problem.warning() } else { problem }
+        let is_expected =
+            self.qualifies() || matches!(self.standing, Standing::Void(..) | Standing::Unreadable);
+        if is_expected {
+            problem.warning()
+        } else {
+            problem
+        }
     }
 
     fn qualifies(&self) -> bool {
-        self.file.qualify.valid().is_some_and(|qualify| qualify.value)
+        self.file
+            .qualify
+            .valid()
+            .is_some_and(|qualify| qualify.value)
     }
 
     /// All accepted actions, and those of them that rest on what was seen at the drive.
     pub fn settled(&self, model: Option<&Model>) -> (Vec<ControlAction>, SiteEvidence) {
         let listed = super::lists::values(&self.file.accept_unverified).unwrap_or_default();
-        let Standing::Counts(evidence) = self.standing else { return (listed, SiteEvidence::default()) };
-        let counts =
-            |action: &ControlAction| !listed.contains(action) && model.is_some_and(|it| is_unproven(it, *action));
+        let Standing::Counts(evidence) = self.standing else {
+            return (listed, SiteEvidence::default());
+        };
+        let counts = |action: &ControlAction| {
+            !listed.contains(action) && model.is_some_and(|it| is_unproven(it, *action))
+        };
         let actions: Vec<_> = evidence.actions.iter().copied().filter(counts).collect();
-        let accepted = listed.iter().copied().chain(actions.iter().copied()).collect();
-        (accepted, SiteEvidence { actions, identity: evidence.identity })
+        let accepted = listed
+            .iter()
+            .copied()
+            .chain(actions.iter().copied())
+            .collect();
+        (
+            accepted,
+            SiteEvidence {
+                actions,
+                identity: evidence.identity,
+            },
+        )
     }
 
     /// What there is to be told about trials at this drive, whose section is at `location`.
     pub fn check(&self, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
         if let Standing::Void(actions, why) = self.standing {
-            let lost = actions.iter().filter(|it| !self.lists(**it) && is_unproven(model, **it));
+            let lost = actions
+                .iter()
+                .filter(|it| !self.lists(**it) && is_unproven(model, **it));
             let lost: Vec<_> = lost.map(|it| it.word()).collect();
             if !lost.is_empty() {
-                let what = format!("what was qualified at this drive no longer counts ({}): {why}", lost.join(", "));
-                problems.push(location.problem(what).right("`vfd-gateway qualify` once more").warning());
+                let what = format!(
+                    "what was qualified at this drive no longer counts ({}): {why}",
+                    lost.join(", ")
+                );
+                problems.push(
+                    location
+                        .problem(what)
+                        .right("`vfd-gateway qualify` once more")
+                        .warning(),
+                );
             }
         }
-        let OptionalKey::Valid(Spanned { value: true, location }) = &self.file.qualify else { return };
+        let OptionalKey::Valid(Spanned {
+            value: true,
+            location,
+        }) = &self.file.qualify
+        else {
+            return;
+        };
         let what = "the drive is being qualified: a person at this host may try what its model leaves unproven";
-        problems.push(location.problem(what).right("leave it out when the trials are done").warning());
-        if let Some(lost) = self.file.on_commander_lost.as_ref().filter(|lost| lost.value == FailSafe::Hold) {
+        problems.push(
+            location
+                .problem(what)
+                .right("leave it out when the trials are done")
+                .warning(),
+        );
+        if let Some(lost) = self
+            .file
+            .on_commander_lost
+            .as_ref()
+            .filter(|lost| lost.value == FailSafe::Hold)
+        {
             let what = "with `qualify`, a motor that runs in a trial would run on if the command is killed";
             problems.push(lost.location.problem(what).right("\"stop\""));
         }
-        if let Some(bus) = self.file.bus.valid().filter(|bus| bus.value != BusFunctions::Both) {
+        if let Some(bus) = self
+            .file
+            .bus
+            .valid()
+            .filter(|bus| bus.value != BusFunctions::Both)
+        {
             let what = "with `qualify`, run commands and the frequency must come over the bus";
             problems.push(bus.location.problem(what).right("\"both\""));
         }
@@ -86,9 +138,18 @@ pub(super) fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
     if !matches!(file.gateway.data_dir, OptionalKey::Absent) {
         return;
     }
-    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
-    for qualify in controls.filter_map(|control| control.value.qualify.valid()).filter(|qualify| qualify.value) {
-        let problem = qualify.location.problem("has no effect: without a data directory no result can be kept");
+    let controls = file
+        .lines
+        .iter()
+        .flat_map(|line| &line.drives)
+        .filter_map(|drive| drive.control.valid());
+    for qualify in controls
+        .filter_map(|control| control.value.qualify.valid())
+        .filter(|qualify| qualify.value)
+    {
+        let problem = qualify
+            .location
+            .problem("has no effect: without a data directory no result can be kept");
         problems.push(problem.right("`data_dir` in `[gateway]`").warning());
     }
 }
@@ -99,7 +160,10 @@ pub(super) fn trials_are_kept(file: &File, problems: &mut Vec<Problem>) {
 pub fn is_tried(model: &Model, action: ControlAction) -> bool {
     let has = || match action {
         ControlAction::Basic => model.run.is_some(),
-        action => model.run.as_ref().is_some_and(|run| run.action(action).is_some()),
+        action => model
+            .run
+            .as_ref()
+            .is_some_and(|run| run.action(action).is_some()),
     };
     is_unproven(model, action) || (has() && vendors::catalog().ids().all(|id| id != model.id))
 }
@@ -109,6 +173,9 @@ pub fn is_tried(model: &Model, action: ControlAction) -> bool {
 pub fn is_unproven(model: &Model, action: ControlAction) -> bool {
     match action {
         ControlAction::Basic => !model.unproven_basics().is_empty(),
-        action => model.run.as_ref().is_some_and(|run| run.unproven().any(|(it, _)| it == action)),
+        action => model
+            .run
+            .as_ref()
+            .is_some_and(|run| run.unproven().any(|(it, _)| it == action)),
     }
 }

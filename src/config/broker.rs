@@ -5,7 +5,8 @@ use crate::domain::problem::nearest;
 use std::net::IpAddr;
 
 /// Examples of valid addresses.
-const RIGHT: &str = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
+const RIGHT: &str =
+    "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
 
 /// A broker's address.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,7 +29,9 @@ impl Address {
             Self::Embedded => true,
             Self::Tcp { host, .. } => {
                 host.eq_ignore_ascii_case("localhost")
-                    || host.parse().is_ok_and(|ip: IpAddr| ip.to_canonical().is_loopback())
+                    || host
+                        .parse()
+                        .is_ok_and(|ip: IpAddr| ip.to_canonical().is_loopback())
             }
         }
     }
@@ -50,16 +53,25 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
     if text.contains('@') {
         // The text may contain a password, so it is not repeated.
         let what = "a user or a password must not be in the address".to_owned();
-        return Err((what, "`user`, and `password_file` or `password_env`, beside it".to_owned()));
+        return Err((
+            what,
+            "`user`, and `password_file` or `password_env`, beside it".to_owned(),
+        ));
     }
     let Some((scheme, rest)) = text.split_once("://") else {
-        let near = nearest(text, ["embedded"]).map_or_else(|| RIGHT.to_owned(), |near| format!("\"{near}\""));
+        let near = nearest(text, ["embedded"])
+            .map_or_else(|| RIGHT.to_owned(), |near| format!("\"{near}\""));
         return Err((format!("`{text}` is not the address of a broker"), near));
     };
     let (tls, default_port) = match scheme {
         "mqtt" => (false, 1883),
         "mqtts" => (true, 8883),
-        _ => return Err((format!("a broker over `{scheme}://` is not served"), RIGHT.to_owned())),
+        _ => {
+            return Err((
+                format!("a broker over `{scheme}://` is not served"),
+                RIGHT.to_owned(),
+            ));
+        }
     };
     let wrong = |what: &str| (format!("`{text}` {what}"), RIGHT.to_owned());
     if rest.contains(['/', '?', '#']) {
@@ -70,7 +82,11 @@ pub(super) fn parse(text: &str) -> Result<Address, Wrong> {
         None => default_port,
         Some(digits) => port_number(digits).ok_or_else(|| wrong("has no usable port"))?,
     };
-    Ok(Address::Tcp { host: host.to_owned(), port, tls })
+    Ok(Address::Tcp {
+        host: host.to_owned(),
+        port,
+        tls,
+    })
 }
 
 #[cfg(test)]
@@ -78,7 +94,11 @@ mod tests {
     use super::*;
 
     fn tcp(host: &str, port: u16, tls: bool) -> Address {
-        Address::Tcp { host: host.to_owned(), port, tls }
+        Address::Tcp {
+            host: host.to_owned(),
+            port,
+            tls,
+        }
     }
 
     #[test]
@@ -129,19 +149,36 @@ mod tests {
 
     #[test]
     fn a_password_in_the_address_is_not_repeated() {
-        assert!(!parse("mqtt:user:secret@broker").unwrap_err().0.contains("secret"));
+        assert!(
+            !parse("mqtt:user:secret@broker")
+                .unwrap_err()
+                .0
+                .contains("secret")
+        );
         let (what, right) = parse("mqtt://user:secret@broker").unwrap_err();
-        assert!(!what.contains("secret") && !right.contains("secret"), "{what}; {right}");
+        assert!(
+            !what.contains("secret") && !right.contains("secret"),
+            "{what}; {right}"
+        );
     }
 
     #[test]
     fn what_stays_on_this_host_is_known() {
-        for local in ["embedded", "mqtt://localhost", "mqtt://127.1.2.3", "mqtt://[::1]", "mqtt://[::ffff:127.0.0.1]"] {
+        for local in [
+            "embedded",
+            "mqtt://localhost",
+            "mqtt://127.1.2.3",
+            "mqtt://[::1]",
+            "mqtt://[::ffff:127.0.0.1]",
+        ] {
             assert!(parse(local).unwrap().is_local(), "{local}");
         }
         assert!(
-            !parse("mqtt://10.0.0.7").unwrap().is_local() && !parse("mqtt://localhost.example").unwrap().is_local()
+            !parse("mqtt://10.0.0.7").unwrap().is_local()
+                && !parse("mqtt://localhost.example").unwrap().is_local()
         );
-        assert!(parse("mqtts://broker").unwrap().is_tls() && !parse("mqtt://broker").unwrap().is_tls());
+        assert!(
+            parse("mqtts://broker").unwrap().is_tls() && !parse("mqtt://broker").unwrap().is_tls()
+        );
     }
 }

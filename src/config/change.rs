@@ -97,7 +97,11 @@ impl ChangeNote {
     /// The broker's side differs in something outside the configuration, such as its password.
     #[must_use]
     pub const fn mqtt_changed() -> Self {
-        Self { part: ConfigPart::Mqtt, name: None, how: How::Changed }
+        Self {
+            part: ConfigPart::Mqtt,
+            name: None,
+            how: How::Changed,
+        }
     }
 }
 
@@ -116,12 +120,17 @@ impl Change {
     #[must_use]
     pub fn between(old: &Config, new: &Config) -> Self {
         let same_name = |name: &Name| old.lines.iter().position(|line| line.name == *name);
-        let goes_on = |line: &super::LineSettings| same_name(&line.name).filter(|at| old.lines.get(*at) == Some(line));
+        let goes_on = |line: &super::LineSettings| {
+            same_name(&line.name).filter(|at| old.lines.get(*at) == Some(line))
+        };
         let continues: Vec<_> = new.lines.iter().map(goes_on).collect();
         let listeners = new.listeners.iter();
-        let socket_of = |it: &ListenerSettings| old.listeners.iter().position(|old| old.listen == it.listen);
+        let socket_of =
+            |it: &ListenerSettings| old.listeners.iter().position(|old| old.listen == it.listen);
         Self {
-            ended: (0..old.lines.len()).filter(|at| !continues.contains(&Some(*at))).collect(),
+            ended: (0..old.lines.len())
+                .filter(|at| !continues.contains(&Some(*at)))
+                .collect(),
             continues,
             listeners: listeners.map(socket_of).collect(),
             needs_restart: needs_restart(old, new),
@@ -133,7 +142,9 @@ impl Change {
     pub fn leaving<'c>(&'c self, old: &'c Config) -> impl Iterator<Item = (usize, &'c str)> {
         self.ended.iter().flat_map(|at| {
             let line = old.lines.get(*at);
-            line.into_iter().flat_map(|line| &line.drives).map(|drive| (*at, drive.name.as_str()))
+            line.into_iter()
+                .flat_map(|line| &line.drives)
+                .map(|drive| (*at, drive.name.as_str()))
         })
     }
 }
@@ -149,28 +160,65 @@ fn needs_restart(old: &Config, new: &Config) -> Vec<&'static str> {
         ("gateway.data_dir", old.data_dir != new.data_dir),
         ("journal.max_size", has_other_journal),
     ];
-    differ.into_iter().filter(|(_, differs)| *differs).map(|(key, _)| key).collect()
+    differ
+        .into_iter()
+        .filter(|(_, differs)| *differs)
+        .map(|(key, _)| key)
+        .collect()
 }
 
 fn told(old: &Config, new: &Config) -> Vec<ChangeNote> {
     let mut told = Vec::new();
     if old.gateway != new.gateway {
-        told.push(ChangeNote { part: ConfigPart::Gateway, name: None, how: How::Changed });
+        told.push(ChangeNote {
+            part: ConfigPart::Gateway,
+            name: None,
+            how: How::Changed,
+        });
     }
-    one(&mut told, ConfigPart::Standby, old.standby.as_ref(), new.standby.as_ref());
+    one(
+        &mut told,
+        ConfigPart::Standby,
+        old.standby.as_ref(),
+        new.standby.as_ref(),
+    );
     compare(&mut told, ConfigPart::Line, &lines(old), &lines(new));
     compare(&mut told, ConfigPart::Drive, &drives(old), &drives(new));
-    one(&mut told, ConfigPart::Mqtt, old.mqtt.as_ref(), new.mqtt.as_ref());
-    compare(&mut told, ConfigPart::ModbusTcp, &listeners(old), &listeners(new));
-    compare(&mut told, ConfigPart::ModbusRtu, &masters(old), &masters(new));
-    one(&mut told, ConfigPart::Http, old.http.as_ref(), new.http.as_ref());
+    one(
+        &mut told,
+        ConfigPart::Mqtt,
+        old.mqtt.as_ref(),
+        new.mqtt.as_ref(),
+    );
+    compare(
+        &mut told,
+        ConfigPart::ModbusTcp,
+        &listeners(old),
+        &listeners(new),
+    );
+    compare(
+        &mut told,
+        ConfigPart::ModbusRtu,
+        &masters(old),
+        &masters(new),
+    );
+    one(
+        &mut told,
+        ConfigPart::Http,
+        old.http.as_ref(),
+        new.http.as_ref(),
+    );
     told
 }
 
 type Named<T> = Vec<(String, T)>;
 
 fn lines(config: &Config) -> Named<&super::LineSettings> {
-    config.lines.iter().map(|line| (line.name.to_string(), line)).collect()
+    config
+        .lines
+        .iter()
+        .map(|line| (line.name.to_string(), line))
+        .collect()
 }
 
 /// Each with its line: a drive that moves to another line is changed.
@@ -178,7 +226,11 @@ fn drives(config: &Config) -> Named<(&super::DriveSettings, &str)> {
     config
         .lines
         .iter()
-        .flat_map(|line| line.drives.iter().map(|drive| (drive.name.to_string(), (drive, line.name.as_str()))))
+        .flat_map(|line| {
+            line.drives
+                .iter()
+                .map(|drive| (drive.name.to_string(), (drive, line.name.as_str())))
+        })
         .collect()
 }
 
@@ -188,25 +240,58 @@ type Served<'c> = Option<Vec<&'c str>>;
 /// What `listener` grants, and the names of its lines: equal lines may have other indices.
 fn served<'c>(config: &'c Config, listener: &ListenerSettings) -> (ListenerSettings, Served<'c>) {
     let name = |at: &usize| config.lines.get(*at).map(|line| line.name.as_str());
-    let names = listener.lines.as_ref().map(|lines| lines.iter().filter_map(name).collect());
-    (ListenerSettings { lines: None, ..listener.clone() }, names)
+    let names = listener
+        .lines
+        .as_ref()
+        .map(|lines| lines.iter().filter_map(name).collect());
+    (
+        ListenerSettings {
+            lines: None,
+            ..listener.clone()
+        },
+        names,
+    )
 }
 
 fn listeners(config: &Config) -> Named<(ListenerSettings, Served<'_>)> {
-    config.listeners.iter().map(|it| (it.listen.to_string(), served(config, it))).collect()
+    config
+        .listeners
+        .iter()
+        .map(|it| (it.listen.to_string(), served(config, it)))
+        .collect()
 }
 
 fn masters(config: &Config) -> Named<(SerialMasterSettings, Served<'_>)> {
     let named = |master: &SerialMasterSettings| {
         let (serving, names) = served(config, &master.serving);
-        (master.name.to_string(), (SerialMasterSettings { serving, ..master.clone() }, names))
+        (
+            master.name.to_string(),
+            (
+                SerialMasterSettings {
+                    serving,
+                    ..master.clone()
+                },
+                names,
+            ),
+        )
     };
     config.serial_masters.iter().map(named).collect()
 }
 
 /// In the order of `new`; removed parts are last.
-fn compare<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: &Named<T>, new: &Named<T>) {
-    let mut tell = |name: &String, how| told.push(ChangeNote { part, name: Some(name.clone()), how });
+fn compare<T: PartialEq>(
+    told: &mut Vec<ChangeNote>,
+    part: ConfigPart,
+    old: &Named<T>,
+    new: &Named<T>,
+) {
+    let mut tell = |name: &String, how| {
+        told.push(ChangeNote {
+            part,
+            name: Some(name.clone()),
+            how,
+        })
+    };
     for (name, value) in new {
         match old.iter().find(|(other, _)| other == name) {
             None => tell(name, How::Added),
@@ -214,17 +299,29 @@ fn compare<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: &Nam
             Some(_) => {}
         }
     }
-    for (name, _) in old.iter().filter(|(name, _)| new.iter().all(|(other, _)| other != name)) {
+    for (name, _) in old
+        .iter()
+        .filter(|(name, _)| new.iter().all(|(other, _)| other != name))
+    {
         tell(name, How::Removed);
     }
 }
 
-fn one<T: PartialEq>(told: &mut Vec<ChangeNote>, part: ConfigPart, old: Option<&T>, new: Option<&T>) {
+fn one<T: PartialEq>(
+    told: &mut Vec<ChangeNote>,
+    part: ConfigPart,
+    old: Option<&T>,
+    new: Option<&T>,
+) {
     let how = match (old, new) {
         (None, Some(_)) => How::Added,
         (Some(_), None) => How::Removed,
         (old, new) if old != new => How::Changed,
         _ => return,
     };
-    told.push(ChangeNote { part, name: None, how });
+    told.push(ChangeNote {
+        part,
+        name: None,
+        how,
+    });
 }

@@ -10,24 +10,43 @@ const ENDED: &str = "the broker would end one connection for the other";
 /// The Sparkplug connection has another identifier than that of `[mqtt]`, of this gateway and of its partner. The Sparkplug
 /// connections of a pair have the same one: there is one at a time.
 pub(super) fn are_distinct(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(sparkplug) = mqtt.sparkplug.valid().map(|it| &it.value) else { return };
-    let Some((of_mqtt, own)) = written(file, mqtt, sparkplug) else { return };
+    let Some(sparkplug) = mqtt.sparkplug.valid().map(|it| &it.value) else {
+        return;
+    };
+    let Some((of_mqtt, own)) = written(file, mqtt, sparkplug) else {
+        return;
+    };
     let halves = halves(file);
-    let others = halves.iter().map(|(half, location)| (format!("{of_mqtt}-{half}"), Some((half, *location))));
+    let others = halves
+        .iter()
+        .map(|(half, location)| (format!("{of_mqtt}-{half}"), Some((half, *location))));
     let alone = halves.is_empty().then(|| (of_mqtt.clone(), None));
-    let Some((_, whose)) = others.chain(alone).find(|(id, _)| *id == own) else { return };
+    let Some((_, whose)) = others.chain(alone).find(|(id, _)| *id == own) else {
+        return;
+    };
     let problem = match (sparkplug.client_id.valid(), whose) {
         (Some(written), None) => {
             let what = format!("the same as `client_id` in `[mqtt]`: {ENDED}");
-            written.location.problem(what).right("another one, or leave it out")
+            written
+                .location
+                .problem(what)
+                .right("another one, or leave it out")
         }
         (Some(written), Some((half, _))) => {
-            let what = format!("the gateway `{half}` has this one for `[mqtt]`, with its `half` behind it: {ENDED}");
-            written.location.problem(what).right("another one, or leave it out")
+            let what = format!(
+                "the gateway `{half}` has this one for `[mqtt]`, with its `half` behind it: {ENDED}"
+            );
+            written
+                .location
+                .problem(what)
+                .right("another one, or leave it out")
         }
         (None, Some((_, location))) => {
-            let what = format!("`{own}` would be the identifier for `[mqtt]` and for Sparkplug: {ENDED}");
-            location.problem(what).right("another name, or `client_id` in `[mqtt.sparkplug]`")
+            let what =
+                format!("`{own}` would be the identifier for `[mqtt]` and for Sparkplug: {ENDED}");
+            location
+                .problem(what)
+                .right("another name, or `client_id` in `[mqtt.sparkplug]`")
         }
         // What is left out has an end that the other one has not.
         (None, None) => return,
@@ -48,7 +67,13 @@ fn written(file: &File, mqtt: &MqttFile, sparkplug: &SparkplugFile) -> Option<(S
 
 /// The names of the gateways of a pair; none if there is only one.
 fn halves(file: &File) -> Vec<(&str, &Location)> {
-    let Some(standby) = file.standby.valid().map(|it| &it.value) else { return Vec::new() };
-    let names = [standby.half.as_ref(), standby.partner.as_ref()].into_iter().flatten();
-    names.map(|name| (name.value.as_str(), &name.location)).collect()
+    let Some(standby) = file.standby.valid().map(|it| &it.value) else {
+        return Vec::new();
+    };
+    let names = [standby.half.as_ref(), standby.partner.as_ref()]
+        .into_iter()
+        .flatten();
+    names
+        .map(|name| (name.value.as_str(), &name.location))
+        .collect()
 }

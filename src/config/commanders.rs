@@ -3,7 +3,10 @@
 use super::file::{ControlFile, DriveFile, File, HttpFile, LineFile, ListenerFile, MqttFile};
 use super::listen::may_be_written;
 use super::listener_tls;
-use super::mqtt::{AFTER_UNNOTICED, DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL, least_restart_delay};
+use super::mqtt::{
+    AFTER_UNNOTICED, DEFAULT_COMMAND_TTL, DEFAULT_LEASE, DEFAULT_PROBE_INTERVAL,
+    least_restart_delay,
+};
 use super::ready::MqttSettings;
 use super::units::Units;
 use super::words::{RoleRight, Way};
@@ -18,31 +21,51 @@ use std::collections::BTreeSet;
 
 /// Compares every control section with `[mqtt]` and the listeners. `served` holds, per listener of `file`, the
 /// indices of the lines it serves, and `units` the units of each drive of each line.
-pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>], problems: &mut Vec<Problem>) {
+pub(super) fn check(
+    file: &File,
+    served: &[BTreeSet<usize>],
+    units: &[Vec<Units>],
+    problems: &mut Vec<Problem>,
+) {
     let at = |line: usize, drive: usize| units.get(line)?.get(drive).copied();
     for (index, line) in file.lines.iter().enumerate() {
         for (location, drive) in line.drives.iter().enumerate() {
-            let Some(control) = drive.control.valid() else { continue };
+            let Some(control) = drive.control.valid() else {
+                continue;
+            };
             mqtt_reaches(&control.value, &file.mqtt, problems);
             sparkplug_reaches(&control.value, &file.mqtt, problems);
             page_reaches(&control.value, &file.http, problems);
             // A listener that serves nothing has an invalid list, which is reported separately.
             let servers = file.units_servers();
             let mut serving = servers.into_iter().zip(served).filter(|(listener, lines)| {
-                (lines.is_empty() || lines.contains(&index)) && answers(listener, at(index, location))
+                (lines.is_empty() || lines.contains(&index))
+                    && answers(listener, at(index, location))
             });
             let is_reached = serving.any(|(listener, _)| may_be_written(listener));
             modbus_reaches(&control.value, line, is_reached, problems);
-            tells_old_from_new(&control.value, file.mqtt.valid().map(|mqtt| &mqtt.value), problems);
+            tells_old_from_new(
+                &control.value,
+                file.mqtt.valid().map(|mqtt| &mqtt.value),
+                problems,
+            );
             tells_old_from_new_on_the_page(&control.value, problems);
-            outlasts(&control.value, file.mqtt.valid().map(|mqtt| &mqtt.value), problems);
+            outlasts(
+                &control.value,
+                file.mqtt.valid().map(|mqtt| &mqtt.value),
+                problems,
+            );
         }
     }
     for (listener, lines) in file.units_servers().into_iter().zip(served) {
-        let drives = lines.iter().filter_map(|line| Some((*line, file.lines.get(*line)?)));
+        let drives = lines
+            .iter()
+            .filter_map(|line| Some((*line, file.lines.get(*line)?)));
         let drives = drives.flat_map(|(index, line)| {
             let drives = line.drives.iter().enumerate();
-            drives.filter(move |(location, _)| answers(listener, at(index, *location))).map(|(_, drive)| drive)
+            drives
+                .filter(move |(location, _)| answers(listener, at(index, *location)))
+                .map(|(_, drive)| drive)
         });
         rights_matter(listener, &drives.collect::<Vec<_>>(), problems);
     }
@@ -50,21 +73,39 @@ pub(super) fn check(file: &File, served: &[BTreeSet<usize>], units: &[Vec<Units>
 
 /// Whether a drive with these units answers at the listener, once all problems are fixed.
 fn answers(listener: &ListenerFile, units: Option<Units>) -> bool {
-    let Some(listed) = listener.units.valid() else { return true };
-    let Some(Units { native: Some(native), uniform: Some(uniform) }) = units else { return true };
-    listed.value.iter().any(|unit| unit.value == native || unit.value == uniform)
+    let Some(listed) = listener.units.valid() else {
+        return true;
+    };
+    let Some(Units {
+        native: Some(native),
+        uniform: Some(uniform),
+    }) = units
+    else {
+        return true;
+    };
+    listed
+        .value
+        .iter()
+        .any(|unit| unit.value == native || unit.value == uniform)
 }
 
 fn mqtt_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
     if let (Some(location), OptionalKey::Absent) = (control.names(Way::Mqtt), mqtt) {
-        let problem = location.problem("commands from \"mqtt\" are impossible: there is no `[mqtt]`");
+        let problem =
+            location.problem("commands from \"mqtt\" are impossible: there is no `[mqtt]`");
         problems.push(problem.right("`[mqtt]` with `broker`, or leave it out"));
     }
 }
 
 /// A host announces its own presence: without that, only commands can renew control.
-fn sparkplug_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(location) = control.names(Way::Sparkplug) else { return };
+fn sparkplug_reaches(
+    control: &ControlFile,
+    mqtt: &OptionalKey<MqttFile>,
+    problems: &mut Vec<Problem>,
+) {
+    let Some(location) = control.names(Way::Sparkplug) else {
+        return;
+    };
     let (mqtt, sparkplug) = match mqtt {
         OptionalKey::Invalid => return,
         OptionalKey::Absent => (None, None),
@@ -75,40 +116,62 @@ fn sparkplug_reaches(control: &ControlFile, mqtt: &OptionalKey<MqttFile>, proble
         },
     };
     let (Some(mqtt), Some(sparkplug)) = (mqtt, sparkplug) else {
-        let problem = location.problem("commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`");
-        problems.push(problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"));
+        let problem = location
+            .problem("commands from \"sparkplug\" are impossible: there is no `[mqtt.sparkplug]`");
+        problems.push(
+            problem.right("`[mqtt.sparkplug]` with `group` and `primary_host`, or leave it out"),
+        );
         return;
     };
-    let lease = mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default));
+    let lease = mqtt
+        .lease
+        .or(DEFAULT_LEASE)
+        .and_then(|default| control.lease.or(default));
     if lease == Some(LeaseMode::Session) && matches!(sparkplug.primary_host, OptionalKey::Absent) {
-        let what = "a session lease of a Sparkplug host lasts while it is online, and no host is named";
+        let what =
+            "a session lease of a Sparkplug host lasts while it is online, and no host is named";
         let right = "`primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"";
         problems.push(location.problem(what).right(right));
     }
 }
 
 fn page_reaches(control: &ControlFile, http: &OptionalKey<HttpFile>, problems: &mut Vec<Problem>) {
-    let Some(location) = control.names(Way::Page) else { return };
+    let Some(location) = control.names(Way::Page) else {
+        return;
+    };
     let signs_in = match http {
         OptionalKey::Absent => false,
         OptionalKey::Invalid => true,
         OptionalKey::Valid(http) => !http.value.users.is_empty(),
     };
     if !signs_in {
-        let problem = location.problem("commands from \"page\" are impossible: no user can sign in there");
-        problems.push(problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"));
+        let problem =
+            location.problem("commands from \"page\" are impossible: no user can sign in there");
+        problems.push(
+            problem.right("`[[http.users]]` with `name` and `password_hash_file`, or leave it out"),
+        );
     }
 }
 
-fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, problems: &mut Vec<Problem>) {
-    let Some(location) = control.names(Way::ModbusTcp) else { return };
+fn modbus_reaches(
+    control: &ControlFile,
+    line: &LineFile,
+    is_reached: bool,
+    problems: &mut Vec<Problem>,
+) {
+    let Some(location) = control.names(Way::ModbusTcp) else {
+        return;
+    };
     if !is_reached {
         let what = format!(
             "commands from \"modbus-tcp\" are impossible: no listener of {} allows any client to write",
             line.label()
         );
-        problems
-            .push(location.problem(what).right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"));
+        problems.push(
+            location
+                .problem(what)
+                .right("`write = [\"10.0.0.10/32\"]` in a `[[modbus_tcp]]`, or leave it out"),
+        );
     }
 }
 
@@ -116,9 +179,15 @@ fn modbus_reaches(control: &ControlFile, line: &LineFile, is_reached: bool, prob
 /// `commands = "strict"` no plain message is accepted at all.
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
-    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false)) else { return };
-    let (Some(delay), Some(interval)) = (control.restart_delay.valid(), mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
+    let Some(mqtt) =
+        mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false))
     else {
+        return;
+    };
+    let (Some(delay), Some(interval)) = (
+        control.restart_delay.valid(),
+        mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL),
+    ) else {
         return;
     };
     let least = least_restart_delay(interval);
@@ -138,7 +207,13 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
 /// The same for an order from the page, which does not refer to a stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
-    let Some(delay) = control.restart_delay.valid().filter(|_| control.names(Way::Page).is_some()) else { return };
+    let Some(delay) = control
+        .restart_delay
+        .valid()
+        .filter(|_| control.names(Way::Page).is_some())
+    else {
+        return;
+    };
     if delay.value < least {
         let what = format!(
             "{} is too short to tell a RUN of the page that waited on its way from one that was sent after the stop: one may \
@@ -153,7 +228,13 @@ fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Prob
 
 /// A lease lasts longer than a command may wait; a session lease also lasts longer than the tolerated missing probes.
 fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: lost_after, location }) = &control.lost_after else { return };
+    let Some(Spanned {
+        value: lost_after,
+        location,
+    }) = &control.lost_after
+    else {
+        return;
+    };
     if *lost_after <= COMMAND_DEADLINE {
         let what = format!(
             "a lease of {} is not longer than the deadline of a command, {}",
@@ -163,18 +244,34 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         problems.push(location.problem(what).right("a longer time, as \"5s\""));
     }
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
-    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else { return };
-    let ttl = mqtt.command_ttl.or(DEFAULT_COMMAND_TTL).filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
+    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else {
+        return;
+    };
+    let ttl = mqtt
+        .command_ttl
+        .or(DEFAULT_COMMAND_TTL)
+        .filter(|ttl| *ttl > COMMAND_DEADLINE && *lost_after <= *ttl);
     if let Some(ttl) = ttl {
         let lease = duration_text(*lost_after);
         let ttl = duration_text(ttl);
-        let problem = location.problem(format!("a lease of {lease} is not longer than `command_ttl`, {ttl}"));
+        let problem = location.problem(format!(
+            "a lease of {lease} is not longer than `command_ttl`, {ttl}"
+        ));
         problems.push(problem.right(format!("more than \"{ttl}\", or a shorter `command_ttl`")));
     }
-    if mqtt.lease.or(DEFAULT_LEASE).and_then(|default| control.lease.or(default)) != Some(LeaseMode::Session) {
+    if mqtt
+        .lease
+        .or(DEFAULT_LEASE)
+        .and_then(|default| control.lease.or(default))
+        != Some(LeaseMode::Session)
+    {
         return;
     }
-    let Some(least) = mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL).map(|probe| probe * MqttSettings::PROBES) else {
+    let Some(least) = mqtt
+        .probe_interval
+        .or(DEFAULT_PROBE_INTERVAL)
+        .map(|probe| probe * MqttSettings::PROBES)
+    else {
         return;
     };
     if *lost_after < least {
@@ -184,14 +281,17 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
             "a session lease of {lease} is shorter than {} probes of the way through the broker, {least}",
             MqttSettings::PROBES
         );
-        problems.push(location.problem(what).right(format!("at least \"{least}\", or a shorter `probe_interval`")));
+        problems.push(location.problem(what).right(format!(
+            "at least \"{least}\", or a shorter `probe_interval`"
+        )));
     }
 }
 
 /// A right to write requires drives that accept commands from here; a right to stop requires drives with a control
 /// section.
 fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut Vec<Problem>) {
-    let takes_from_here = |control: &ControlFile| control.from.is_none() || control.names(Way::ModbusTcp).is_some();
+    let takes_from_here =
+        |control: &ControlFile| control.from.is_none() || control.names(Way::ModbusTcp).is_some();
     let any = |matters: &dyn Fn(&ControlFile) -> bool| {
         drives.is_empty()
             || drives.iter().any(|drive| match &drive.control {
@@ -200,7 +300,8 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
                 OptionalKey::Valid(control) => matters(&control.value),
             })
     };
-    let right = "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
+    let right =
+        "`from = [\"modbus-tcp\"]` in the `[line.drive.control]` of a drive, or leave it out";
     let commands = any(&takes_from_here);
     let stops = any(&|_| true);
     let no_commands = "no drive that is served here takes commands from \"modbus-tcp\"";
@@ -211,12 +312,29 @@ fn rights_matter(listener: &ListenerFile, drives: &[&DriveFile], problems: &mut 
             RoleRight::Stop => (stops, no_stops),
         };
         if !matters {
-            problems.push(role_right.location.problem(format!("has no effect: {what}")).right(right).warning());
+            problems.push(
+                role_right
+                    .location
+                    .problem(format!("has no effect: {what}"))
+                    .right(right)
+                    .warning(),
+            );
         }
     }
-    for (list, matters, what) in [(&listener.write, commands, no_commands), (&listener.stop, stops, no_stops)] {
-        if let Some(list) = list.valid().filter(|list| !matters && !list.value.is_empty()) {
-            problems.push(list.location.problem(format!("has no effect: {what}")).right(right).warning());
+    for (list, matters, what) in [
+        (&listener.write, commands, no_commands),
+        (&listener.stop, stops, no_stops),
+    ] {
+        if let Some(list) = list
+            .valid()
+            .filter(|list| !matters && !list.value.is_empty())
+        {
+            problems.push(
+                list.location
+                    .problem(format!("has no effect: {what}"))
+                    .right(right)
+                    .warning(),
+            );
         }
     }
 }

@@ -10,7 +10,9 @@ use super::standby;
 use super::watchdog;
 use super::words::Way;
 use crate::domain::command::Direction;
-use crate::domain::control::{BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership};
+use crate::domain::control::{
+    BusFunctions, ControlAction, ControlSettings, FailSafe, OnOutputOutside, Ownership,
+};
 use crate::domain::frequency::Hertz;
 use crate::domain::problem::Problem;
 use crate::domain::standby::OnGatewayLost;
@@ -36,7 +38,10 @@ pub(super) fn settle(
     problems: &mut Vec<Problem>,
 ) -> Option<Option<Arc<ControlSettings>>> {
     let native_write = native::settle(drive, model, problems);
-    let Spanned { value: file, location } = match &drive.control {
+    let Spanned {
+        value: file,
+        location,
+    } = match &drive.control {
         OptionalKey::Absent => return Some(None),
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(control) => control,
@@ -79,8 +84,12 @@ pub(super) fn settle(
         allow_release: file.allow_release.or(false)?,
         strict: file.strict.or(false)?,
         restart_delay: file.restart_delay.or(defaults.restart_delay)?,
-        stop_effect_timeout: file.stop_effect_timeout.or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
-        stop_pending_for: file.stop_pending_for.or(ControlSettings::STOP_PENDING_FOR)?,
+        stop_effect_timeout: file
+            .stop_effect_timeout
+            .or(ControlSettings::STOP_EFFECT_TIMEOUT)?,
+        stop_pending_for: file
+            .stop_pending_for
+            .or(ControlSettings::STOP_PENDING_FOR)?,
         native_write: native_write?,
         stored_write_interval: native::stored_write_interval(drive)?,
         stores_native_writes: native::stores(drive)?,
@@ -91,14 +100,18 @@ pub(super) fn settle(
         require_watchdog: file.require_watchdog.or(false)?,
         watchdog: file.watchdog.clone().optional()?,
         on_gateway_lost: on_gateway_lost?,
-        failsafe_confirm_timeout: file.failsafe_confirm_timeout.or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
+        failsafe_confirm_timeout: file
+            .failsafe_confirm_timeout
+            .or(ControlSettings::FAILSAFE_CONFIRM_TIMEOUT)?,
     })))
 }
 
 /// A drive that may be moved is polled often enough: old readings cannot show whether it is at standstill.
 fn is_looked_at(drive: &DriveFile, problems: &mut Vec<Problem>) {
     if let Some(poll) = drive.poll.valid().filter(|poll| poll.value > SLOWEST_POLL) {
-        let problem = poll.location.problem("too slow for a drive with a control section");
+        let problem = poll
+            .location
+            .problem("too slow for a drive with a control section");
         problems.push(problem.right(format!("at most \"{}\"", duration_text(SLOWEST_POLL))));
     }
 }
@@ -134,8 +147,13 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
 
 /// A drive that is started and stopped at its terminals cannot be promised to be stopped over the bus.
 fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
-    let Some(bus) = file.bus.valid().filter(|bus| !bus.value.has_run()) else { return };
-    for action in [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten() {
+    let Some(bus) = file.bus.valid().filter(|bus| !bus.value.has_run()) else {
+        return;
+    };
+    for action in [&file.on_commander_lost, &file.on_shutdown]
+        .into_iter()
+        .flatten()
+    {
         if action.value != FailSafe::Hold {
             let what = format!(
                 "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
@@ -147,21 +165,33 @@ fn wired(file: &ControlFile, problems: &mut Vec<Problem>) {
     }
     standby::wired(file, bus.value, problems);
     if let Some(strict) = file.directions.valid() {
-        let problem = strict.location.problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
+        let problem = strict
+            .location
+            .problem("the direction is ordered elsewhere: `bus` takes the frequency alone");
         problems.push(problem.right("leave it out").warning());
     }
 }
 
 /// A drive that turns by the sign of its setpoint runs in reverse only if the setpoint comes over the bus.
 fn sign_is_written(file: &ControlFile, model: &Model, problems: &mut Vec<Problem>) {
-    let (Some(bus), Some(list)) = (file.bus.valid(), file.directions.valid()) else { return };
-    let reverse = list.value.iter().find(|direction| direction.value == Direction::Reverse);
+    let (Some(bus), Some(list)) = (file.bus.valid(), file.directions.valid()) else {
+        return;
+    };
+    let reverse = list
+        .value
+        .iter()
+        .find(|direction| direction.value == Direction::Reverse);
     if let Some(reverse) = reverse.filter(|_| model.turns_by_sign() && !bus.value.has_frequency()) {
         let what = format!(
             "reverse is a setpoint below 0, and the setpoint does not come over the bus (bus = \"{}\")",
             bus.value.word()
         );
-        problems.push(reverse.location.problem(what).right("\"forward\" alone, or bus = \"both\""));
+        problems.push(
+            reverse
+                .location
+                .problem(what)
+                .right("\"forward\" alone, or bus = \"both\""),
+        );
     }
 }
 
@@ -172,7 +202,9 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(list) => {
             if list.value.is_empty() {
-                let problem = list.location.problem("an empty list lets the drive run in no direction");
+                let problem = list
+                    .location
+                    .problem("an empty list lets the drive run in no direction");
                 problems.push(problem.right("\"forward\", \"reverse\" or both"));
                 return None;
             }
@@ -180,20 +212,34 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
             list.value.iter().map(|direction| direction.value).collect()
         }
     };
-    if let Some(below) = file.reverse_below.valid().filter(|_| !goes_both_ways(&directions)) {
-        let problem = below.location.problem("there is nothing to reverse: `directions` allows one direction only");
-        problems.push(problem.right("leave it out, or directions = [\"forward\", \"reverse\"]").warning());
+    if let Some(below) = file
+        .reverse_below
+        .valid()
+        .filter(|_| !goes_both_ways(&directions))
+    {
+        let problem = below
+            .location
+            .problem("there is nothing to reverse: `directions` allows one direction only");
+        problems.push(
+            problem
+                .right("leave it out, or directions = [\"forward\", \"reverse\"]")
+                .warning(),
+        );
     }
     Some(directions)
 }
 
 fn goes_both_ways(directions: &[Direction]) -> bool {
-    [Direction::Forward, Direction::Reverse].iter().all(|direction| directions.contains(direction))
+    [Direction::Forward, Direction::Reverse]
+        .iter()
+        .all(|direction| directions.contains(direction))
 }
 
 /// Whether a drive of this model can be commanded at all, whether its facts are proven or not.
 fn can_be_controlled(model: &Model, location: &Location, problems: &mut Vec<Problem>) -> bool {
-    let Some(why) = why_not(model) else { return true };
+    let Some(why) = why_not(model) else {
+        return true;
+    };
     let problem = location.problem(format!("{} cannot be controlled: {why}", model.id));
     problems.push(problem.right("leave `control` out; the drive is then read-only"));
     false
@@ -232,52 +278,87 @@ fn basics(
     let (location, others) = match &file.accept_unverified {
         OptionalKey::Invalid => return,
         OptionalKey::Absent => (location.missing("accept_unverified"), Vec::new()),
-        OptionalKey::Valid(list) => (list.location.clone(), list.value.iter().map(|accepted| accepted.value).collect()),
+        OptionalKey::Valid(list) => (
+            list.location.clone(),
+            list.value.iter().map(|accepted| accepted.value).collect(),
+        ),
     };
     if unproven.is_empty() || accepted.accepts(ControlAction::Basic) {
         return;
     }
     let what: Vec<_> = unproven.iter().map(Basic::described).collect();
-    let what = format!("{} takes no orders: not proven by a manual of it: {}", model.id, what.join(", "));
+    let what = format!(
+        "{} takes no orders: not proven by a manual of it: {}",
+        model.id,
+        what.join(", ")
+    );
     let words = std::iter::once(ControlAction::Basic).chain(others);
-    let words: Vec<_> = words.map(|action| format!("\"{}\"", action.word())).collect();
+    let words: Vec<_> = words
+        .map(|action| format!("\"{}\"", action.word()))
+        .collect();
     let line = format!("accept_unverified = [{}]", words.join(", "));
-    let right = format!("{line} once you have seen a stop work, or no control section; the drive is then read-only");
+    let right = format!(
+        "{line} once you have seen a stop work, or no control section; the drive is then read-only"
+    );
     problems.push(accepted.judged(location.problem(what).right(right)));
 }
 
 /// Lowest and highest setpoint; `None` if it is invalid, see `problems`.
-fn limits(file: Option<&LimitsFile>, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<(Hertz, Hertz)> {
+fn limits(
+    file: Option<&LimitsFile>,
+    model: Option<&Model>,
+    problems: &mut Vec<Problem>,
+) -> Option<(Hertz, Hertz)> {
     let LimitsFile { min, max } = file?;
     if let Some(register) = model.and_then(|model| model.register_for(Role::FrequencyCommand)) {
         can_be_set(min, register, problems);
         can_be_set(max, register, problems);
     }
     if let Some(max) = max.as_ref().filter(|max| max.value == Hertz::ZERO) {
-        problems.push(max.location.problem("a drive with a maximum of 0 Hz never turns").right("more than 0"));
+        problems.push(
+            max.location
+                .problem("a drive with a maximum of 0 Hz never turns")
+                .right("more than 0"),
+        );
     }
     let min = min.as_ref()?;
     let max = max.as_ref()?;
     if min.value > max.value {
-        let what = format!("the lowest frequency, {} Hz, is above the highest, {} Hz", min.value, max.value);
-        problems.push(min.location.problem(what).right(format!("at most {}", max.value)));
+        let what = format!(
+            "the lowest frequency, {} Hz, is above the highest, {} Hz",
+            min.value, max.value
+        );
+        problems.push(
+            min.location
+                .problem(what)
+                .right(format!("at most {}", max.value)),
+        );
     }
     Some((min.value, max.value))
 }
 
 /// A limit must be a possible setpoint: one between two steps could never be reached.
 fn can_be_set(limit: &RequiredKey<Hertz>, register: &Register, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value, location }) = limit else { return };
+    let Some(Spanned { value, location }) = limit else {
+        return;
+    };
     if register.form.pair.is_some() {
         if register.pair_of(*value).is_none() {
-            let problem = location.problem(format!("{value} Hz is between two steps of `{}`", register.name));
+            let problem = location.problem(format!(
+                "{value} Hz is between two steps of `{}`",
+                register.name
+            ));
             problems.push(problem.right(format!("a multiple of 1/{} Hz", register.scale)));
         }
         return;
     }
     if let Err(wrong) = to_raw(value.as_f64(), register) {
         let right = format!("a frequency that `{}` can represent", register.name);
-        problems.push(location.problem(format!("{value} Hz is {wrong}")).right(right));
+        problems.push(
+            location
+                .problem(format!("{value} Hz is {wrong}"))
+                .right(right),
+        );
     }
 }
 
@@ -290,7 +371,11 @@ enum Has {
 
 fn has(model: &Model, action: ControlAction) -> Has {
     if action == ControlAction::Basic {
-        let unproven = model.unproven_basics().into_iter().map(|basic| basic.confidence).max();
+        let unproven = model
+            .unproven_basics()
+            .into_iter()
+            .map(|basic| basic.confidence)
+            .max();
         let stop = model.run.as_ref().map(|run| run.stop.confidence);
         return match (unproven, stop) {
             (Some(confidence), _) => Has::Unproven(confidence),
@@ -315,27 +400,69 @@ fn actions(
     model: &Model,
     problems: &mut Vec<Problem>,
 ) {
-    let reverse = file.directions.valid().and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
+    let reverse = file
+        .directions
+        .valid()
+        .and_then(|list| list.value.iter().find(|it| it.value == Direction::Reverse));
     if let Some(Spanned { location, .. }) = reverse {
-        can_do(accepted, ControlAction::Reverse, model, location, "leave it out", problems);
+        can_do(
+            accepted,
+            ControlAction::Reverse,
+            model,
+            location,
+            "leave it out",
+            problems,
+        );
     }
     for location in coasts(file) {
-        can_do(accepted, ControlAction::Coast, model, location, "\"stop\" or \"hold\"", problems);
+        can_do(
+            accepted,
+            ControlAction::Coast,
+            model,
+            location,
+            "\"stop\" or \"hold\"",
+            problems,
+        );
     }
-    if let Some(Spanned { value: true, location }) = file.allow_release.valid() {
+    if let Some(Spanned {
+        value: true,
+        location,
+    }) = file.allow_release.valid()
+    {
         match has(model, ControlAction::Release) {
-            Has::No => problems.push(none_of(model, ControlAction::Release, location).right("leave it out").warning()),
-            _ => can_do(accepted, ControlAction::Release, model, location, "leave it out", problems),
+            Has::No => problems.push(
+                none_of(model, ControlAction::Release, location)
+                    .right("leave it out")
+                    .warning(),
+            ),
+            _ => can_do(
+                accepted,
+                ControlAction::Release,
+                model,
+                location,
+                "leave it out",
+                problems,
+            ),
         }
     }
-    let OptionalKey::Valid(listed) = &file.accept_unverified else { return };
+    let OptionalKey::Valid(listed) = &file.accept_unverified else {
+        return;
+    };
     lists::once(&listed.value, problems);
-    for Spanned { value: action, location } in &listed.value {
+    for Spanned {
+        value: action,
+        location,
+    } in &listed.value
+    {
         let word = action.word();
         let what = match has(model, *action) {
             Has::No => format!("{} has no {word}, so there is nothing to accept", model.id),
             Has::Proven(it) => {
-                format!("{word} is proven for {} ({}), so there is nothing to accept", model.id, it.word())
+                format!(
+                    "{word} is proven for {} ({}), so there is nothing to accept",
+                    model.id,
+                    it.word()
+                )
             }
             Has::Unproven(_) if *action == ControlAction::Reverse && !may_reverse(directions) => {
                 "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned()
@@ -351,9 +478,16 @@ fn actions(
 
 /// Where the section says that the output is cut off.
 fn coasts(file: &ControlFile) -> impl Iterator<Item = &Location> {
-    let fail_safes = [&file.on_commander_lost, &file.on_shutdown].into_iter().flatten();
-    let coasts = fail_safes.filter(|it| it.value == FailSafe::Coast).map(|it| &it.location);
-    let taken_over = file.on_gateway_lost.valid().filter(|it| it.value == OnGatewayLost::Coast);
+    let fail_safes = [&file.on_commander_lost, &file.on_shutdown]
+        .into_iter()
+        .flatten();
+    let coasts = fail_safes
+        .filter(|it| it.value == FailSafe::Coast)
+        .map(|it| &it.location);
+    let taken_over = file
+        .on_gateway_lost
+        .valid()
+        .filter(|it| it.value == OnGatewayLost::Coast);
     coasts.chain(taken_over.map(|it| &it.location))
 }
 
@@ -381,14 +515,28 @@ fn can_do(
 ) {
     let word = action.word();
     let is_fail_safe = action == ControlAction::Coast;
-    let is_accepted = if is_fail_safe { accepted.lists(action) } else { accepted.accepts(action) };
+    let is_accepted = if is_fail_safe {
+        accepted.lists(action)
+    } else {
+        accepted.accepts(action)
+    };
     match has(model, action) {
         Has::No => problems.push(none_of(model, action, location).right(instead)),
         Has::Unproven(confidence) if !is_accepted => {
-            let what = format!("{word} is unproven for {} ({})", model.id, confidence.word());
-            let right = format!("{instead}, or accept_unverified = [\"{word}\"] once you have seen it work");
+            let what = format!(
+                "{word} is unproven for {} ({})",
+                model.id,
+                confidence.word()
+            );
+            let right = format!(
+                "{instead}, or accept_unverified = [\"{word}\"] once you have seen it work"
+            );
             let problem = location.problem(what).right(right);
-            problems.push(if is_fail_safe { problem } else { accepted.judged(problem) });
+            problems.push(if is_fail_safe {
+                problem
+            } else {
+                accepted.judged(problem)
+            });
         }
         Has::Unproven(_) | Has::Proven(_) => {}
     }

@@ -30,10 +30,14 @@ pub enum CannotEdit {
     #[error("the drive `{0}` has a [line.drive.control] already; change it in the file")]
     HasControl(String),
     /// Lines or drives are written in a way that leaves no place for more.
-    #[error("the file writes `{0}` inline, not under a header of its own; add this in the file: {1}")]
+    #[error(
+        "the file writes `{0}` inline, not under a header of its own; add this in the file: {1}"
+    )]
     Inline(&'static str, String),
     /// The change would alter something else.
-    #[error("the file is written in a way that this change would alter something else; add this in the file: {0}")]
+    #[error(
+        "the file is written in a way that this change would alter something else; add this in the file: {0}"
+    )]
     Alters(String),
 }
 
@@ -47,7 +51,10 @@ pub fn with_line(text: &str, line: &NewLine) -> Result<Edited, CannotEdit> {
     let place = match parsed.get("line").map(|value| value.get_ref()) {
         None => text.len(),
         Some(DeValue::Array(lines)) => {
-            let last = lines.iter().last().filter(|last| is_header(text, last.span()));
+            let last = lines
+                .iter()
+                .last()
+                .filter(|last| is_header(text, last.span()));
             let last = last.ok_or_else(|| CannotEdit::Inline("line", part.clone()))?;
             end_of(text, &parsed, "line", last.span().start)
         }
@@ -71,17 +78,26 @@ pub fn with_line(text: &str, line: &NewLine) -> Result<Edited, CannotEdit> {
 pub fn with_control(text: &str, name: &str, control: &NewControl) -> Result<Edited, CannotEdit> {
     let parsed = parsed(text)?;
     let part = control.text();
-    let (place, drive) = drive_of(&parsed, name).ok_or_else(|| CannotEdit::NoDrive(name.to_owned()))?;
-    let DeValue::Table(keys) = drive.get_ref() else { return Err(CannotEdit::NoDrive(name.to_owned())) };
+    let (place, drive) =
+        drive_of(&parsed, name).ok_or_else(|| CannotEdit::NoDrive(name.to_owned()))?;
+    let DeValue::Table(keys) = drive.get_ref() else {
+        return Err(CannotEdit::NoDrive(name.to_owned()));
+    };
     if keys.contains_key("control") {
         return Err(CannotEdit::HasControl(name.to_owned()));
     }
     if !is_header(text, drive.span()) {
         return Err(CannotEdit::Inline("drive", part));
     }
-    let edited = inserted(text, end_of(text, &parsed, "line.drive", drive.span().start), &part);
+    let edited = inserted(
+        text,
+        end_of(text, &parsed, "line.drive", drive.span().start),
+        &part,
+    );
     let without = |new: &mut Table| {
-        let drive = new.get_mut("line").and_then(|lines| lines.get_mut(place.0)?.get_mut("drive")?.get_mut(place.1));
+        let drive = new
+            .get_mut("line")
+            .and_then(|lines| lines.get_mut(place.0)?.get_mut("drive")?.get_mut(place.1));
         if let Some(drive) = drive.and_then(Value::as_table_mut) {
             drive.remove("control");
         }
@@ -90,19 +106,32 @@ pub fn with_control(text: &str, name: &str, control: &NewControl) -> Result<Edit
 }
 
 fn parsed(text: &str) -> Result<DeTable<'_>, CannotEdit> {
-    let parsed = DeTable::parse(text).map_err(|error| CannotEdit::NoToml(error.message().to_owned()))?;
+    let parsed =
+        DeTable::parse(text).map_err(|error| CannotEdit::NoToml(error.message().to_owned()))?;
     Ok(parsed.into_inner())
 }
 
 type SpannedValue<'a> = toml::Spanned<DeValue<'a>>;
 
 /// The drive called `name`, with the indexes of its line and of it.
-fn drive_of<'t, 'a>(file: &'t DeTable<'a>, name: &str) -> Option<((usize, usize), &'t SpannedValue<'a>)> {
+fn drive_of<'t, 'a>(
+    file: &'t DeTable<'a>,
+    name: &str,
+) -> Option<((usize, usize), &'t SpannedValue<'a>)> {
     let lines = file.get("line")?.get_ref().as_array()?;
     lines.iter().enumerate().find_map(|(line, table)| {
-        let drives = table.get_ref().as_table()?.get("drive")?.get_ref().as_array()?;
+        let drives = table
+            .get_ref()
+            .as_table()?
+            .get("drive")?
+            .get_ref()
+            .as_array()?;
         let is_it = |drive: &SpannedValue<'a>| {
-            drive.get_ref().as_table().and_then(|keys| keys.get("name")?.get_ref().as_str()) == Some(name)
+            drive
+                .get_ref()
+                .as_table()
+                .and_then(|keys| keys.get("name")?.get_ref().as_str())
+                == Some(name)
         };
         let at = drives.iter().position(is_it)?;
         Some(((line, at), drives.get(at)?))
@@ -120,8 +149,16 @@ fn end_of(text: &str, file: &DeTable<'_>, path: &str, start: usize) -> usize {
     let mut headers = Vec::new();
     collect(text, file, "", &mut headers);
     let inner = format!("{path}.");
-    let next = headers.iter().filter(|(at, of)| *at > start && !of.starts_with(&inner)).map(|(at, _)| *at).min();
-    let end = next.map_or(text.len(), |at| text.get(..at).and_then(|it| it.rfind('\n')).map_or(at, |it| it + 1));
+    let next = headers
+        .iter()
+        .filter(|(at, of)| *at > start && !of.starts_with(&inner))
+        .map(|(at, _)| *at)
+        .min();
+    let end = next.map_or(text.len(), |at| {
+        text.get(..at)
+            .and_then(|it| it.rfind('\n'))
+            .map_or(at, |it| it + 1)
+    });
     let mut place = start;
     let mut at = 0;
     for line in text.get(..end).unwrap_or(text).split_inclusive('\n') {
@@ -137,8 +174,13 @@ fn end_of(text: &str, file: &DeTable<'_>, path: &str, start: usize) -> usize {
 /// The place and path of every header of `table`.
 fn collect(text: &str, table: &DeTable<'_>, path: &str, headers: &mut Vec<(usize, String)>) {
     for (key, value) in table {
-        let path = if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
-        let has_header = |value: &SpannedValue<'_>| text.get(value.span()).is_some_and(|it| it.starts_with('['));
+        let path = if path.is_empty() {
+            key.get_ref().to_string()
+        } else {
+            format!("{path}.{}", key.get_ref())
+        };
+        let has_header =
+            |value: &SpannedValue<'_>| text.get(value.span()).is_some_and(|it| it.starts_with('['));
         match value.get_ref() {
             DeValue::Table(inner) => {
                 if has_header(value) {
@@ -148,7 +190,9 @@ fn collect(text: &str, table: &DeTable<'_>, path: &str, headers: &mut Vec<(usize
             }
             DeValue::Array(rows) => {
                 for row in rows {
-                    let DeValue::Table(inner) = row.get_ref() else { continue };
+                    let DeValue::Table(inner) = row.get_ref() else {
+                        continue;
+                    };
                     if is_header(text, row.span()) {
                         headers.push((row.span().start, path.clone()));
                     }
@@ -169,7 +213,11 @@ fn inserted(text: &str, place: usize, part: &str) -> Edited {
         new.push_str(end);
     }
     // A file that begins with the part needs no empty line before it.
-    let part = if new.is_empty() { part.trim_start() } else { part };
+    let part = if new.is_empty() {
+        part.trim_start()
+    } else {
+        part
+    };
     let start = new.len();
     new.push_str(&part.replace('\n', end));
     let added = start..new.len();
@@ -191,5 +239,9 @@ fn alters_nothing(
         return Err(CannotEdit::Alters(part));
     }
     without(&mut new);
-    if old == new { Ok(edited) } else { Err(CannotEdit::Alters(part)) }
+    if old == new {
+        Ok(edited)
+    } else {
+        Err(CannotEdit::Alters(part))
+    }
 }

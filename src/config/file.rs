@@ -73,7 +73,10 @@ pub(super) struct StandbyFile {
 impl File {
     /// Everything that serves units to Modbus clients: first the listeners, then the serial masters.
     pub fn units_servers(&self) -> Vec<&ListenerFile> {
-        self.listeners.iter().chain(self.serial.iter().map(|serial| &serial.serving)).collect()
+        self.listeners
+            .iter()
+            .chain(self.serial.iter().map(|serial| &serial.serving))
+            .collect()
     }
 }
 
@@ -180,7 +183,10 @@ impl ControlFile {
     /// The location of `way` in `from`, if it is named there.
     pub fn names(&self, way: Way) -> Option<&Location> {
         let from = self.from.as_ref()?;
-        from.value.iter().find(|named| named.value == way).map(|named| &named.location)
+        from.value
+            .iter()
+            .find(|named| named.value == way)
+            .map(|named| &named.location)
     }
 }
 

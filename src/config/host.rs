@@ -18,7 +18,9 @@ pub(super) fn host_and_port(rest: &str) -> Option<(&str, Option<&str>)> {
     };
     let is_name = |host: &str| {
         (1..=253).contains(&host.len())
-            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'.' | b'_'))
+            && host
+                .bytes()
+                .all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'.' | b'_'))
     };
     is_name(host).then_some((host, port))
 }

@@ -89,7 +89,12 @@ impl Section {
     #[must_use]
     pub fn header(self) -> String {
         match self {
-            Self::Line | Self::Drive | Self::Register | Self::ModbusTcp | Self::ModbusRtu | Self::HttpUser => {
+            Self::Line
+            | Self::Drive
+            | Self::Register
+            | Self::ModbusTcp
+            | Self::ModbusRtu
+            | Self::HttpUser => {
                 format!("[[{}]]", self.path())
             }
             _ => format!("[{}]", self.path()),
@@ -128,7 +133,10 @@ impl NotServed {
     /// The message that refuses the key.
     #[must_use]
     pub fn refusal(&self) -> String {
-        format!("`{}` is not supported by this version; a key without effect is refused", self.name)
+        format!(
+            "`{}` is not supported by this version; a key without effect is refused",
+            self.name
+        )
     }
 }
 
@@ -144,14 +152,25 @@ const fn key(
     default: Option<&'static str>,
     about: &'static str,
 ) -> Key {
-    Key { section, name, kind, default, about }
+    Key {
+        section,
+        name,
+        kind,
+        default,
+        about,
+    }
 }
 
 const fn refused(section: Section, name: &'static str, instead: &'static str) -> NotServed {
-    NotServed { section, name, instead }
+    NotServed {
+        section,
+        name,
+        instead,
+    }
 }
 
-const FACTORY: Option<&str> = Some("the factory setting that the models of the line share, if there is one");
+const FACTORY: Option<&str> =
+    Some("the factory setting that the models of the line share, if there is one");
 /// Every supported key, in the usual order of a file.
 #[rustfmt::skip]
 pub const KEYS: &[Key] = &[
@@ -381,7 +400,10 @@ mod tests {
             let inner = found.iter().filter_map(|table| table.get(name));
             found = inner
                 .flat_map(|value| match value {
-                    toml::Value::Array(tables) => tables.iter().filter_map(|it| it.as_table().cloned()).collect(),
+                    toml::Value::Array(tables) => tables
+                        .iter()
+                        .filter_map(|it| it.as_table().cloned())
+                        .collect(),
                     value => vec![value.as_table().unwrap().clone()],
                 })
                 .collect();
@@ -394,9 +416,17 @@ mod tests {
         let text = example();
         let file: toml::Table = text.parse().unwrap();
         for key in KEYS {
-            let there = tables(&file, key.section).iter().any(|table| table.contains_key(key.name));
-            let in_comment = EXCLUDED.contains(&key.name) && text.contains(&format!("# {} = ", key.name));
-            assert!(there || in_comment, "{} in [{}]", key.name, key.section.path());
+            let there = tables(&file, key.section)
+                .iter()
+                .any(|table| table.contains_key(key.name));
+            let in_comment =
+                EXCLUDED.contains(&key.name) && text.contains(&format!("# {} = ", key.name));
+            assert!(
+                there || in_comment,
+                "{} in [{}]",
+                key.name,
+                key.section.path()
+            );
         }
     }
 
@@ -404,12 +434,22 @@ mod tests {
     fn with_line_in(section: Section, line: &str) -> String {
         let (before, after) = match section {
             Section::Root => return format!("{line}\n{CONTROLLED}"),
-            Section::HttpUser | Section::HttpTls | Section::Sparkplug | Section::ModbusRtu | Section::Standby => {
+            Section::HttpUser
+            | Section::HttpTls
+            | Section::Sparkplug
+            | Section::ModbusRtu
+            | Section::Standby => {
                 return format!("{CONTROLLED}{}\n{line}\n", section.header());
             }
             Section::Register => ("[line.drive.native]", "[[line.drive.register]]\n"),
             Section::ModbusTls => ("[http]", "[modbus_tcp.tls]\n"),
-            _ => return with(CONTROLLED, &section.header(), &format!("{}\n{line}", section.header())),
+            _ => {
+                return with(
+                    CONTROLLED,
+                    &section.header(),
+                    &format!("{}\n{line}", section.header()),
+                );
+            }
         };
         with(CONTROLLED, before, &format!("{after}{line}\n{before}"))
     }
@@ -418,7 +458,10 @@ mod tests {
     fn the_reader_takes_exactly_the_keys_of_the_table() {
         for section in Section::ALL {
             let found = problems(&with_line_in(section, "qqqqqqqqqqqq = 1"));
-            let unknown = found.iter().find(|it| it.contains("unknown key `qqqqqqqqqqqq`")).unwrap();
+            let unknown = found
+                .iter()
+                .find(|it| it.contains("unknown key `qqqqqqqqqqqq`"))
+                .unwrap();
             let (_, listed) = unknown.split_once("one of ").unwrap();
             let mut listed: Vec<_> = listed.split(", ").collect();
             let keys = KEYS.iter().filter(|key| key.section == section);
@@ -436,13 +479,21 @@ mod tests {
             let what = format!("{}; {}", key.refusal(), key.instead);
             assert!(found.len() == 1 && found[0].ends_with(&what), "{found:?}");
         }
-        let lease = not_served(Section::ModbusTcp).find(|key| key.name == "lease").unwrap();
-        assert_eq!(lease.refusal(), "`lease` is not supported by this version; a key without effect is refused");
+        let lease = not_served(Section::ModbusTcp)
+            .find(|key| key.name == "lease")
+            .unwrap();
+        assert_eq!(
+            lease.refusal(),
+            "`lease` is not supported by this version; a key without effect is refused"
+        );
     }
 
     #[test]
     fn a_key_that_must_be_given_is_missed() {
-        for key in KEYS.iter().filter(|key| key.default.is_none() && key.section != Section::Root) {
+        for key in KEYS
+            .iter()
+            .filter(|key| key.default.is_none() && key.section != Section::Root)
+        {
             let text = with_line_in(key.section, "");
             let without: String = text
                 .lines()

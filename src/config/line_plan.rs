@@ -23,7 +23,11 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
     let models = line.drives.iter().map(|drive| drive.model.as_ref());
     let needed = Timing::for_models(line.framing, line.link, models, line.min_request_gap);
     // Frames that say their length need no silence.
-    let silence = if line.framing.has_characters() { line.silence } else { Silence::Auto };
+    let silence = if line.framing.has_characters() {
+        line.silence
+    } else {
+        Silence::Auto
+    };
     match silence {
         Silence::Fixed(silence) if silence < needed.silence => (needed.unpaced(silence), true),
         Silence::Fixed(silence) => (Timing { silence, ..needed }, false),
@@ -34,14 +38,27 @@ pub fn timing(line: &LineSettings) -> (Timing, bool) {
 /// The reply time-outs of `drive`.
 #[must_use]
 pub fn reply_timeouts(drive: &DriveSettings) -> ReplyTimeouts {
-    drive.reply_timeout.map_or_else(|| ReplyTimeouts::auto(&drive.model.timing), ReplyTimeouts::fixed)
+    drive.reply_timeout.map_or_else(
+        || ReplyTimeouts::auto(&drive.model.timing),
+        ReplyTimeouts::fixed,
+    )
 }
 
 /// The cost of `drive` on its line.
 #[must_use]
 pub fn station(drive: &DriveSettings) -> PlannedStation<'_> {
-    let DriveSettings { model, poll, max_lateness, .. } = drive;
-    PlannedStation { model, poll: *poll, timeouts: reply_timeouts(drive), max_lateness: *max_lateness }
+    let DriveSettings {
+        model,
+        poll,
+        max_lateness,
+        ..
+    } = drive;
+    PlannedStation {
+        model,
+        poll: *poll,
+        timeouts: reply_timeouts(drive),
+        max_lateness: *max_lateness,
+    }
 }
 
 /// The cost of the polls of `line`.
@@ -59,7 +76,12 @@ pub fn refresh(line: &LineSettings) -> Refresh {
 /// The bounds of a stop on `line` without the drive at `place`: what moving it to another line would leave.
 #[must_use]
 pub fn stop_bounds_without(line: &LineSettings, place: usize) -> StopBounds {
-    let others = line.drives.iter().enumerate().filter(|(at, _)| *at != place).map(|(_, drive)| station(drive));
+    let others = line
+        .drives
+        .iter()
+        .enumerate()
+        .filter(|(at, _)| *at != place)
+        .map(|(_, drive)| station(drive));
     budget::stop_bounds(&timing(line).0, others)
 }
 
@@ -74,7 +96,11 @@ pub fn stop_bounds(line: &LineSettings) -> StopBounds {
 #[must_use]
 pub fn longest_exchange(line: &LineSettings) -> Duration {
     // A stop waits for one exchange, or for what a broadcast takes.
-    let StopBounds { all_healthy, one_silent, .. } = stop_bounds(line);
+    let StopBounds {
+        all_healthy,
+        one_silent,
+        ..
+    } = stop_bounds(line);
     all_healthy.max(one_silent)
 }
 
@@ -115,12 +141,24 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     let times = standby_times(line, pair);
     let exchange = longest_exchange(line);
     let begins = exchange + times.worst_take_over() + claim(line);
-    let StopBounds { all_healthy, one_silent, each_further } = stop_bounds(line);
-    let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
+    let StopBounds {
+        all_healthy,
+        one_silent,
+        each_further,
+    } = stop_bounds(line);
+    let commanded = line
+        .drives
+        .iter()
+        .filter(|drive| drive.control.is_some())
+        .count();
     let further = each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
     let first_stop = begins + all_healthy.max(one_silent);
     // If the drive that is stopped first is silent, the take-over is said once more, after a random wait.
-    let again = if commanded > 1 { StandbyTimes::waits_after_silence() + claim(line) } else { Duration::ZERO };
+    let again = if commanded > 1 {
+        StandbyTimes::waits_after_silence() + claim(line)
+    } else {
+        Duration::ZERO
+    };
     let last_stop = first_stop + further + again;
     let owes = |drive: &DriveSettings| {
         let waits = reply_timeouts(drive);
@@ -130,7 +168,15 @@ pub fn take_over(line: &LineSettings, pair: &StandbyPair) -> TakeOver {
     // Each STOP has an exchange of its own, and its effect is read.
     let confirmed = last_stop + all_healthy * u32::try_from(1 + commanded).unwrap_or(u32::MAX);
     let fresh = confirmed.max(settled) + refresh(line).time;
-    TakeOver { times, exchange, begins, first_stop, last_stop, settled, fresh }
+    TakeOver {
+        times,
+        exchange,
+        begins,
+        first_stop,
+        last_stop,
+        settled,
+        fresh,
+    }
 }
 
 /// How long the signal takes by which a gateway takes `line`, with the silence that follows.
@@ -143,7 +189,10 @@ fn claim(line: &LineSettings) -> Duration {
 #[must_use]
 pub fn missing_reply_costs(line: &LineSettings) -> Duration {
     let timing = timing(line).0;
-    let costs = line.drives.iter().map(|drive| budget::missing_reply_costs(&timing, &station(drive)));
+    let costs = line
+        .drives
+        .iter()
+        .map(|drive| budget::missing_reply_costs(&timing, &station(drive)));
     costs.max().unwrap_or_default()
 }
 
@@ -152,19 +201,32 @@ pub fn missing_reply_costs(line: &LineSettings) -> Duration {
 #[must_use]
 pub fn longest_gap(line: &LineSettings, location: usize) -> Option<Duration> {
     let stations: Vec<_> = line.drives.iter().map(station).collect();
-    let commanded = line.drives.iter().filter(|drive| drive.control.is_some()).count();
+    let commanded = line
+        .drives
+        .iter()
+        .filter(|drive| drive.control.is_some())
+        .count();
     budget::longest_gap_on_line(&timing(line).0, &stations, location, commanded)
 }
 
 /// A plan that does not fit is stretched; it is refused if the fast values would exceed their maximum age.
 pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Problem>) {
     let budget = budget(line);
-    let ages = line.drives.iter().enumerate().filter_map(|(location, drive)| Some((budget.fast_age(location)?, drive)));
-    let Some((age, oldest)) = ages.max_by_key(|(age, _)| *age) else { return };
+    let ages = line
+        .drives
+        .iter()
+        .enumerate()
+        .filter_map(|(location, drive)| Some((budget.fast_age(location)?, drive)));
+    let Some((age, oldest)) = ages.max_by_key(|(age, _)| *age) else {
+        return;
+    };
     if budget.stretch <= 1.0 || age <= line.max_status_age {
         return;
     }
-    let location = file.max_status_age.valid().map(|written| written.location.clone());
+    let location = file
+        .max_status_age
+        .valid()
+        .map(|written| written.location.clone());
     let location = location.unwrap_or_else(|| file.location.missing("max_status_age"));
     let limit = duration_text(line.max_status_age);
     let what = format!(
@@ -182,7 +244,10 @@ pub(super) fn check(file: &LineFile, line: &LineSettings, problems: &mut Vec<Pro
 /// Why the plan does not fit: the number of drives and the load per second.
 fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
     let reads: Vec<&PlannedRead> = budget.stations.iter().flatten().collect();
-    let fast = reads.iter().filter(|read| read.group.class == PollClass::Fast).count();
+    let fast = reads
+        .iter()
+        .filter(|read| read.group.class == PollClass::Fast)
+        .count();
     let costs = reads.iter().map(|read| read.cost);
     let least = costs.clone().min().unwrap_or_default();
     let most = costs.max().unwrap_or_default();
@@ -198,14 +263,38 @@ fn arithmetic(line: &LineSettings, budget: &Budget) -> String {
 
 /// Ways to make it fit, including the poll period that does.
 fn advice(line: &LineSettings, budget: &Budget) -> String {
-    let slowest = line.drives.iter().map(|drive| drive.poll).max().unwrap_or_default();
+    let slowest = line
+        .drives
+        .iter()
+        .map(|drive| drive.poll)
+        .max()
+        .unwrap_or_default();
     let kept = slowest.mul_f64(budget.stretch).as_secs_f64().ceil();
-    let most = if line.framing.has_characters() { line.link.baud } else { u32::MAX };
-    let faster = line.drives.iter().map(|drive| drive.model.link.bauds.value.as_slice());
-    let faster = faster.reduce(|a, b| if a.iter().max() < b.iter().max() { a } else { b }).unwrap_or_default();
+    let most = if line.framing.has_characters() {
+        line.link.baud
+    } else {
+        u32::MAX
+    };
+    let faster = line
+        .drives
+        .iter()
+        .map(|drive| drive.model.link.bauds.value.as_slice());
+    let faster = faster
+        .reduce(|a, b| {
+            if a.iter().max() < b.iter().max() {
+                a
+            } else {
+                b
+            }
+        })
+        .unwrap_or_default();
     let faster = faster.iter().copied().filter(|baud| *baud > most).max();
-    let speed = faster.map_or(String::new(), |baud| format!("a higher speed (up to {baud}), "));
-    format!("{speed}fewer drives on the line, or a longer `poll`: with poll = \"{kept:.0}s\" on each drive it fits")
+    let speed = faster.map_or(String::new(), |baud| {
+        format!("a higher speed (up to {baud}), ")
+    });
+    format!(
+        "{speed}fewer drives on the line, or a longer `poll`: with poll = \"{kept:.0}s\" on each drive it fits"
+    )
 }
 
 fn millis(time: Duration) -> String {

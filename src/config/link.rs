@@ -25,31 +25,79 @@ pub(super) struct Settled {
 }
 
 /// Settles `line` with its distinct `models`. `None`: see `problems`. Over Modbus TCP there is nothing to agree on.
-pub(super) fn settle(line: &LineFile, models: &[OnLine], problems: &mut Vec<Problem>) -> Option<Settled> {
+pub(super) fn settle(
+    line: &LineFile,
+    models: &[OnLine],
+    problems: &mut Vec<Problem>,
+) -> Option<Settled> {
     if port::is_modbus_tcp(line) {
         let link = LinkSettings::DEFAULT;
-        return Some(Settled { link, framing: Framing::Mbap, interface: Interface::Rs485 });
+        return Some(Settled {
+            link,
+            framing: Framing::Mbap,
+            interface: Interface::Rs485,
+        });
     }
-    let framing = choose(line, models, &line.framing, Framing::Rtu, &FRAMING, problems);
-    let interface = choose(line, models, &line.interface, Interface::Rs485, &INTERFACE, problems);
+    let framing = choose(
+        line,
+        models,
+        &line.framing,
+        Framing::Rtu,
+        &FRAMING,
+        problems,
+    );
+    let interface = choose(
+        line,
+        models,
+        &line.interface,
+        Interface::Rs485,
+        &INTERFACE,
+        problems,
+    );
     let baud = setting(line, models, framing, &line.baud, &BAUD, problems);
     let data_bits = data_bits(line, models, framing, problems);
     let parity = setting(line, models, framing, &line.parity, &PARITY, problems);
     let stop_bits = setting(line, models, framing, &line.stop_bits, &STOP_BITS, problems);
-    let link = LinkSettings { baud: baud?, data_bits: data_bits?, parity: parity?, stop_bits: stop_bits? };
-    Some(Settled { link, framing: framing?, interface: interface? })
+    let link = LinkSettings {
+        baud: baud?,
+        data_bits: data_bits?,
+        parity: parity?,
+        stop_bits: stop_bits?,
+    };
+    Some(Settled {
+        link,
+        framing: framing?,
+        interface: interface?,
+    })
 }
 
 /// Data bits: RTU frames are bytes, so 7 bits are invalid there whatever the models support.
-fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, problems: &mut Vec<Problem>) -> Option<u8> {
+fn data_bits(
+    line: &LineFile,
+    models: &[OnLine],
+    framing: Option<Framing>,
+    problems: &mut Vec<Problem>,
+) -> Option<u8> {
     match (&line.data_bits, framing) {
         (OptionalKey::Valid(written), Some(Framing::Rtu)) if written.value != 8 => {
-            problems.push(written.location.problem("RTU frames need 8 data bits").right("8, or leave it out"));
+            problems.push(
+                written
+                    .location
+                    .problem("RTU frames need 8 data bits")
+                    .right("8, or leave it out"),
+            );
             None
         }
         // RTU, or any framing with one choice only.
         (OptionalKey::Absent, framing) if framing != Some(Framing::Ascii) || !matters(models) => {
-            choose(line, models, &line.data_bits, DEFAULT_DATA_BITS, &DATA_BITS.part, problems)
+            choose(
+                line,
+                models,
+                &line.data_bits,
+                DEFAULT_DATA_BITS,
+                &DATA_BITS.part,
+                problems,
+            )
         }
         (given, framing) => setting(line, models, framing, given, &DATA_BITS, problems),
     }
@@ -57,7 +105,15 @@ fn data_bits(line: &LineFile, models: &[OnLine], framing: Option<Framing>, probl
 
 /// Whether a drive of the line may be set to other data bits than the default.
 fn matters(models: &[OnLine]) -> bool {
-    models.iter().any(|on_line| on_line.model.link.data_bits.value.iter().any(|bits| *bits != DEFAULT_DATA_BITS))
+    models.iter().any(|on_line| {
+        on_line
+            .model
+            .link
+            .data_bits
+            .value
+            .iter()
+            .any(|bits| *bits != DEFAULT_DATA_BITS)
+    })
 }
 
 /// One part of the link settings, and the place of its allowed values in a model.
@@ -74,19 +130,30 @@ struct FactoryPart<T: 'static> {
     factory: fn(LinkSettings) -> T,
 }
 
-const FRAMING: LinkPart<Framing> =
-    LinkPart { name: "framing", written: |it| quoted(word_for(&FRAMINGS, &it)), allowed: |link| &link.framings.value };
+const FRAMING: LinkPart<Framing> = LinkPart {
+    name: "framing",
+    written: |it| quoted(word_for(&FRAMINGS, &it)),
+    allowed: |link| &link.framings.value,
+};
 const INTERFACE: LinkPart<Interface> = LinkPart {
     name: "interface",
     written: |it| quoted(word_for(&INTERFACES, &it)),
     allowed: |link| &link.interfaces.value,
 };
 const BAUD: FactoryPart<u32> = FactoryPart {
-    part: LinkPart { name: "baud", written: |it| it.to_string(), allowed: |link| &link.bauds.value },
+    part: LinkPart {
+        name: "baud",
+        written: |it| it.to_string(),
+        allowed: |link| &link.bauds.value,
+    },
     factory: |link| link.baud,
 };
 const DATA_BITS: FactoryPart<u8> = FactoryPart {
-    part: LinkPart { name: "data_bits", written: |it| it.to_string(), allowed: |link| &link.data_bits.value },
+    part: LinkPart {
+        name: "data_bits",
+        written: |it| it.to_string(),
+        allowed: |link| &link.data_bits.value,
+    },
     factory: |link| link.data_bits,
 };
 const PARITY: FactoryPart<Parity> = FactoryPart {
@@ -98,7 +165,11 @@ const PARITY: FactoryPart<Parity> = FactoryPart {
     factory: |link| link.parity,
 };
 const STOP_BITS: FactoryPart<u8> = FactoryPart {
-    part: LinkPart { name: "stop_bits", written: |it| it.to_string(), allowed: |link| &link.stop_bits.value },
+    part: LinkPart {
+        name: "stop_bits",
+        written: |it| it.to_string(),
+        allowed: |link| &link.stop_bits.value,
+    },
     factory: |link| link.stop_bits,
 };
 
@@ -112,9 +183,17 @@ fn choose<T: Copy + PartialEq>(
     problems: &mut Vec<Problem>,
 ) -> Option<T> {
     match given {
-        OptionalKey::Absent => possible(&line.location.missing(part.name), models, default, part, problems),
+        OptionalKey::Absent => possible(
+            &line.location.missing(part.name),
+            models,
+            default,
+            part,
+            problems,
+        ),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(written) => possible(&written.location, models, written.value, part, problems),
+        OptionalKey::Valid(written) => {
+            possible(&written.location, models, written.value, part, problems)
+        }
     }
 }
 
@@ -130,7 +209,9 @@ fn setting<T: Copy + PartialEq>(
     match given {
         OptionalKey::Absent => shared_factory(line, models, framing?, it, problems),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(written) => possible(&written.location, models, written.value, &it.part, problems),
+        OptionalKey::Valid(written) => {
+            possible(&written.location, models, written.value, &it.part, problems)
+        }
     }
 }
 
@@ -146,7 +227,12 @@ fn possible<T: Copy + PartialEq>(
     for on_line in models {
         let allowed = (part.allowed)(&on_line.model.link);
         if !allowed.contains(&value) {
-            let what = format!("{} {} is not possible with {}", part.name, (part.written)(value), who(on_line));
+            let what = format!(
+                "{} {} is not possible with {}",
+                part.name,
+                (part.written)(value),
+                who(on_line)
+            );
             problems.push(location.problem(what).right(list(part, allowed)));
         }
     }
@@ -163,20 +249,30 @@ fn shared_factory<T: Copy + PartialEq>(
 ) -> Option<T> {
     let (first, others) = models.split_first()?;
     let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(it.factory);
-    let known = factory(first).filter(|_| others.iter().all(|other| factory(other) == factory(first)));
+    let known =
+        factory(first).filter(|_| others.iter().all(|other| factory(other) == factory(first)));
     if known.is_some() {
         return known;
     }
-    let each = models.iter().map(|on_line| match (factory(on_line), &on_line.model.link.default.value) {
-        (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
-        (None, Factory::Set(of_ascii)) => {
-            format!("{} leaves the factory with ASCII frames at {of_ascii}", on_line.model.id)
-        }
-        (None, Factory::Ask(text)) => format!("{}: {text}", on_line.model.id),
-    });
+    let each =
+        models.iter().map(
+            |on_line| match (factory(on_line), &on_line.model.link.default.value) {
+                (Some(value), _) => format!("{} {}", on_line.model.id, (it.part.written)(value)),
+                (None, Factory::Set(of_ascii)) => {
+                    format!(
+                        "{} leaves the factory with ASCII frames at {of_ascii}",
+                        on_line.model.id
+                    )
+                }
+                (None, Factory::Ask(text)) => format!("{}: {text}", on_line.model.id),
+            },
+        );
     let each = each.collect::<Vec<_>>().join(", ");
     let what = match models.iter().any(|on_line| factory(on_line).is_none()) {
-        true => format!("`{}` is left out, and no factory setting can be assumed: {each}", it.part.name),
+        true => format!(
+            "`{}` is left out, and no factory setting can be assumed: {each}",
+            it.part.name
+        ),
         false => {
             format!(
                 "`{}` is left out, and the models of the line have different factory settings: {each}",
@@ -184,17 +280,34 @@ fn shared_factory<T: Copy + PartialEq>(
             )
         }
     };
-    problems.push(line.location.missing(it.part.name).problem(what).right(advice(first, others, &it.part)));
+    problems.push(
+        line.location
+            .missing(it.part.name)
+            .problem(what)
+            .right(advice(first, others, &it.part)),
+    );
     None
 }
 
 /// What to write if the factory settings differ.
 fn advice<T: Copy + PartialEq>(first: &OnLine, others: &[OnLine], part: &LinkPart<T>) -> String {
-    let on_all = |value: &&T| others.iter().all(|other| (part.allowed)(&other.model.link).contains(value));
-    let shared: Vec<T> = (part.allowed)(&first.model.link).iter().filter(on_all).copied().collect();
+    let on_all = |value: &&T| {
+        others
+            .iter()
+            .all(|other| (part.allowed)(&other.model.link).contains(value))
+    };
+    let shared: Vec<T> = (part.allowed)(&first.model.link)
+        .iter()
+        .filter(on_all)
+        .copied()
+        .collect();
     match shared.is_empty() {
         true => "a line for each model: no value can be set on all of them".to_owned(),
-        false => format!("add `{}`, and set it on every drive: {}", part.name, list(part, &shared)),
+        false => format!(
+            "add `{}`, and set it on every drive: {}",
+            part.name,
+            list(part, &shared)
+        ),
     }
 }
 

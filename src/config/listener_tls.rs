@@ -11,23 +11,40 @@ use ipnet::{IpNet, Ipv4Net, Ipv6Net};
 
 /// Checks the roles, and the lists of networks against them.
 pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: roles, location }) = roles(listener) else { return };
+    let Some(Spanned {
+        value: roles,
+        location,
+    }) = roles(listener)
+    else {
+        return;
+    };
     if roles.is_empty() {
         let problem = location.problem("no role is listed, so no client is answered");
-        problems.push(problem.right("`roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles"));
+        problems.push(problem.right(
+            "`roles = { operator = [\"write\", \"stop\"], viewer = [] }` with your own roles",
+        ));
     }
     for RoleFile { name, rights } in roles {
         lists::once(&rights.value, problems);
         if has(rights, RoleRight::Write) && !has(rights, RoleRight::Stop) {
-            let what = format!("role `{name}` may write but not stop: a client that may start must be allowed to stop");
+            let what = format!(
+                "role `{name}` may write but not stop: a client that may start must be allowed to stop"
+            );
             problems.push(rights.location.problem(what).right("[\"write\", \"stop\"]"));
         }
     }
-    let lists = [(&listener.write, RoleRight::Write, "write"), (&listener.stop, RoleRight::Stop, "stop")];
+    let lists = [
+        (&listener.write, RoleRight::Write, "write"),
+        (&listener.stop, RoleRight::Stop, "stop"),
+    ];
     for (list, right, verb) in lists {
-        let list = list.valid().filter(|list| !list.value.is_empty() && !roles.is_empty());
+        let list = list
+            .valid()
+            .filter(|list| !list.value.is_empty() && !roles.is_empty());
         if let Some(list) = list.filter(|_| roles.iter().all(|role| !has(&role.rights, right))) {
-            let problem = list.location.problem(format!("has no effect: no role of `tls` may {verb}"));
+            let problem = list
+                .location
+                .problem(format!("has no effect: no role of `tls` may {verb}"));
             let right = format!("\"{verb}\" in the `roles` of those who may, or leave it out");
             problems.push(problem.right(right).warning());
         }
@@ -37,18 +54,29 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
 
 /// Without `write` every network that may connect may write, subject to roles, and must be in `stop`.
 fn stops_whom_it_starts(listener: &ListenerFile, problems: &mut Vec<Problem>) {
-    let (OptionalKey::Absent, OptionalKey::Valid(stop), true) =
-        (&listener.write, &listener.stop, may(listener, RoleRight::Write))
-    else {
+    let (OptionalKey::Absent, OptionalKey::Valid(stop), true) = (
+        &listener.write,
+        &listener.stop,
+        may(listener, RoleRight::Write),
+    ) else {
         return;
     };
-    let OptionalKey::Valid(allow) = &listener.allow else { return };
-    for network in allow.value.iter().filter(|it| !stop.value.iter().any(|stop| stop.value.contains(*it))) {
+    let OptionalKey::Valid(allow) = &listener.allow else {
+        return;
+    };
+    for network in allow
+        .value
+        .iter()
+        .filter(|it| !stop.value.iter().any(|stop| stop.value.contains(*it)))
+    {
         let what = format!(
             "without `write` all of {network} may write, and it is not in `stop`: a client that may start must be allowed to stop"
         );
-        problems
-            .push(stop.location.problem(what).right("`write` with the networks that may, or leave `stop` out as well"));
+        problems.push(
+            stop.location
+                .problem(what)
+                .right("`write` with the networks that may, or leave `stop` out as well"),
+        );
     }
 }
 
@@ -66,7 +94,10 @@ pub(super) fn may(listener: &ListenerFile, right: RoleRight) -> bool {
 
 /// The rights of all roles, with their locations.
 pub(super) fn rights(listener: &ListenerFile) -> impl Iterator<Item = &Spanned<RoleRight>> {
-    roles(listener).into_iter().flat_map(|roles| &roles.value).flat_map(|role| &role.rights.value)
+    roles(listener)
+        .into_iter()
+        .flat_map(|roles| &roles.value)
+        .flat_map(|role| &role.rights.value)
 }
 
 /// The ready settings: `Some(None)` if the listener is not encrypted; `None` if they are invalid, see `problems`.
@@ -82,7 +113,11 @@ pub(super) fn settle(listener: &ListenerFile) -> Option<Option<ListenerTls>> {
 pub(super) fn networks(allow: Option<&[IpNet]>, tls: &ListenerTls) -> Vec<IpNet> {
     let everywhere = [IpNet::V4(Ipv4Net::default()), IpNet::V6(Ipv6Net::default())];
     let anybody = tls.roles.values().any(|rights| rights.write || rights.stop);
-    if anybody { allow.unwrap_or(&everywhere).to_vec() } else { Vec::new() }
+    if anybody {
+        allow.unwrap_or(&everywhere).to_vec()
+    } else {
+        Vec::new()
+    }
 }
 
 fn ready(tls: &ListenerTlsFile) -> Option<ListenerTls> {
@@ -95,7 +130,9 @@ fn ready(tls: &ListenerTlsFile) -> Option<ListenerTls> {
         cert_file: tls.cert_file.as_ref()?.value.clone(),
         key_file: tls.key_file.as_ref()?.value.clone(),
         client_ca_file: tls.client_ca_file.as_ref()?.value.clone(),
-        roles: roles.map(|role| (role.name.clone(), rights(role))).collect(),
+        roles: roles
+            .map(|role| (role.name.clone(), rights(role)))
+            .collect(),
     })
 }
 

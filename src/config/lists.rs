@@ -46,8 +46,14 @@ impl Word for Tree {
 /// Reports each repeated word in `list`.
 pub(super) fn once<T: Word + PartialEq>(list: &[Spanned<T>], problems: &mut Vec<Problem>) {
     for (index, written) in list.iter().enumerate() {
-        if list.iter().take(index).any(|earlier| earlier.value == written.value) {
-            let problem = written.location.problem(format!("\"{}\" is listed twice", written.value.word()));
+        if list
+            .iter()
+            .take(index)
+            .any(|earlier| earlier.value == written.value)
+        {
+            let problem = written
+                .location
+                .problem(format!("\"{}\" is listed twice", written.value.word()));
             problems.push(problem.right("each once").warning());
         }
     }
@@ -58,6 +64,11 @@ pub(super) fn values<T: Clone>(list: &OptionalKey<Vec<Spanned<T>>>) -> Option<Ve
     match list {
         OptionalKey::Absent => Some(Vec::new()),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(list) => Some(list.value.iter().map(|written| written.value.clone()).collect()),
+        OptionalKey::Valid(list) => Some(
+            list.value
+                .iter()
+                .map(|written| written.value.clone())
+                .collect(),
+        ),
     }
 }

@@ -53,9 +53,10 @@ pub use http::{HashSource, HttpSettings, HttpTls, UserSettings, Viewers};
 pub use native::{Listed, listed};
 pub use ratings::shown_in_per_cent;
 pub use ready::{
-    BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings, GatewaySettings,
-    JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings, PasswordSource, PortAddress, Removal,
-    Silence, SparkplugSettings, TlsSettings, command_deadline,
+    BEHIND_A_BRIDGE, BrokerSettings, ClientCertificate, Config, Credentials, DriveSettings,
+    GatewaySettings, JournalSettings, LineSettings, ListenerSettings, ListenerTls, MqttSettings,
+    PasswordSource, PortAddress, Removal, Silence, SparkplugSettings, TlsSettings,
+    command_deadline,
 };
 pub use ready_serial::SerialMasterSettings;
 pub use secrets::without_secrets;
@@ -115,8 +116,19 @@ pub fn load(text: &str, catalog: &Catalog) -> Result<Config, Vec<Problem>> {
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_at_site(text: &str, catalog: &Catalog, site: Result<&Qualified, &str>) -> Result<Config, Vec<Problem>> {
-    with_models(text, Models { catalog, are_all: true, site })
+pub fn load_at_site(
+    text: &str,
+    catalog: &Catalog,
+    site: Result<&Qualified, &str>,
+) -> Result<Config, Vec<Problem>> {
+    with_models(
+        text,
+        Models {
+            catalog,
+            are_all: true,
+            site,
+        },
+    )
 }
 
 /// The problems of `text` with an incomplete `catalog`, some of whose model files have problems of their own: a
@@ -124,7 +136,16 @@ pub fn load_at_site(text: &str, catalog: &Catalog, site: Result<&Qualified, &str
 #[must_use]
 pub fn problems_without_some_models(text: &str, catalog: &Catalog) -> Vec<Problem> {
     let site = Ok(&Qualified::default());
-    with_models(text, Models { catalog, are_all: false, site }).err().unwrap_or_default()
+    with_models(
+        text,
+        Models {
+            catalog,
+            are_all: false,
+            site,
+        },
+    )
+    .err()
+    .unwrap_or_default()
 }
 
 fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
@@ -134,9 +155,11 @@ fn with_models(text: &str, models: Models<'_>) -> Result<Config, Vec<Problem>> {
     problems.sort_by_key(|problem| problem.span.start);
     secrets::hide_in(&mut problems, text);
     match config {
-        Some(config) if problems.iter().all(|problem| problem.is_warning) => {
-            Ok(Config { digest: digest(text), warnings: problems, ..config })
-        }
+        Some(config) if problems.iter().all(|problem| problem.is_warning) => Ok(Config {
+            digest: digest(text),
+            warnings: problems,
+            ..config
+        }),
         _ => Err(problems),
     }
 }

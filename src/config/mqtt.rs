@@ -5,7 +5,8 @@ use super::client_ids;
 use super::file::{File, HomeAssistantFile, MqttFile};
 use super::lists;
 use super::ready::{
-    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
+    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource,
+    SparkplugSettings, TlsSettings,
 };
 use super::words::Way;
 use crate::domain::control::ControlSettings;
@@ -52,23 +53,49 @@ pub(super) struct Defaults {
 
 impl Default for Defaults {
     fn default() -> Self {
-        Self { lease: LeaseMode::default(), restart_delay: ControlSettings::RESTART_DELAY }
+        Self {
+            lease: LeaseMode::default(),
+            restart_delay: ControlSettings::RESTART_DELAY,
+        }
     }
 }
 
 /// The defaults for the drives of `file`.
 pub(super) fn defaults(file: &File) -> Defaults {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
-    let least = mqtt.and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL)).map(least_restart_delay);
-    let restart_delay = least.unwrap_or_default().min(LONGEST_LEAST).max(ControlSettings::RESTART_DELAY);
-    Defaults { lease: default_lease(file), restart_delay }
+    let least = mqtt
+        .and_then(|mqtt| mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL))
+        .map(least_restart_delay);
+    let restart_delay = least
+        .unwrap_or_default()
+        .min(LONGEST_LEAST)
+        .max(ControlSettings::RESTART_DELAY);
+    Defaults {
+        lease: default_lease(file),
+        restart_delay,
+    }
 }
 
 /// A path used for commands is probed often enough.
 pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: interval, location }) = file.probe_interval.valid() else { return };
-    let controls = whole.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
-    let mut by_broker = controls.filter(|it| it.value.names(Way::Mqtt).or(it.value.names(Way::Sparkplug)).is_some());
+    let Some(Spanned {
+        value: interval,
+        location,
+    }) = file.probe_interval.valid()
+    else {
+        return;
+    };
+    let controls = whole
+        .lines
+        .iter()
+        .flat_map(|line| &line.drives)
+        .filter_map(|drive| drive.control.valid());
+    let mut by_broker = controls.filter(|it| {
+        it.value
+            .names(Way::Mqtt)
+            .or(it.value.names(Way::Sparkplug))
+            .is_some()
+    });
     if least_restart_delay(*interval) <= LONGEST_LEAST || by_broker.next().is_none() {
         return;
     }
@@ -79,20 +106,33 @@ pub(super) fn probed_often(file: &MqttFile, whole: &File, problems: &mut Vec<Pro
         "a command could wait {unnoticed} in front of the broker before that is noticed, so that no RUN could be taken \
          for more than {longest} after a stop"
     );
-    problems.push(location.problem(what).right(format!("at most \"{}\"", duration_text(most))));
+    problems.push(
+        location
+            .problem(what)
+            .right(format!("at most \"{}\"", duration_text(most))),
+    );
 }
 
 /// What renews an MQTT lease if a drive has no setting of its own.
 fn default_lease(file: &File) -> LeaseMode {
     let mqtt = file.mqtt.valid().map(|mqtt| &mqtt.value);
-    mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE)).unwrap_or(DEFAULT_LEASE)
+    mqtt.and_then(|mqtt| mqtt.lease.or(DEFAULT_LEASE))
+        .unwrap_or(DEFAULT_LEASE)
 }
 
 /// What renews the leases of the drives: the session, if it renews that of any drive.
 pub(super) fn session_lease(file: &File, default: LeaseMode) -> LeaseMode {
-    let controls = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.control.valid());
-    let of_mqtt = controls.map(|control| &control.value).filter(|control| control.names(Way::Mqtt).is_some());
-    let leases: Vec<_> = of_mqtt.map(|control| control.lease.or(default).unwrap_or(default)).collect();
+    let controls = file
+        .lines
+        .iter()
+        .flat_map(|line| &line.drives)
+        .filter_map(|drive| drive.control.valid());
+    let of_mqtt = controls
+        .map(|control| &control.value)
+        .filter(|control| control.names(Way::Mqtt).is_some());
+    let leases: Vec<_> = of_mqtt
+        .map(|control| control.lease.or(default).unwrap_or(default))
+        .collect();
     match leases.is_empty() {
         true => default,
         false if leases.contains(&LeaseMode::Session) => LeaseMode::Session,
@@ -146,8 +186,13 @@ pub(super) fn settle(
 }
 
 fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
-    let Some(HomeAssistantFile { discovery, prefix, devices, combined, page }) =
-        file.home_assistant.clone().optional()?
+    let Some(HomeAssistantFile {
+        discovery,
+        prefix,
+        devices,
+        combined,
+        page,
+    }) = file.home_assistant.clone().optional()?
     else {
         return Some(None);
     };
@@ -157,8 +202,17 @@ fn home_assistant(file: &MqttFile) -> Option<Option<HomeAssistant>> {
         OptionalKey::Absent => Vec::new(),
         list => lists::values(list)?,
     };
-    let (prefix, page) = (prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?, page.optional()?);
-    Some(Some(HomeAssistant { discovery, prefix, devices, combined, page }))
+    let (prefix, page) = (
+        prefix.or(DEFAULT_DISCOVERY_PREFIX.to_owned())?,
+        page.optional()?,
+    );
+    Some(Some(HomeAssistant {
+        discovery,
+        prefix,
+        devices,
+        combined,
+        page,
+    }))
 }
 
 fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
@@ -178,7 +232,9 @@ fn sparkplug(file: &MqttFile) -> Option<Option<SparkplugSettings>> {
 
 /// The nodes of a cluster are distinct and use the same scheme.
 fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (Some(broker), Some(list)) = (&file.broker, file.also_at.valid()) else { return };
+    let (Some(broker), Some(list)) = (&file.broker, file.also_at.valid()) else {
+        return;
+    };
     for (index, node) in list.value.iter().enumerate() {
         let mut earlier = list.value.iter().take(index).chain([broker]);
         let problem = if broker.value == Address::Embedded {
@@ -187,11 +243,18 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
                 .right("leave it out")
                 .warning()
         } else if node.value == Address::Embedded {
-            node.location.problem("the embedded broker has only one node").right("leave it out")
+            node.location
+                .problem("the embedded broker has only one node")
+                .right("leave it out")
         } else if earlier.any(|earlier| earlier.value == node.value) {
-            node.location.problem("the node is listed twice").right("leave it out").warning()
+            node.location
+                .problem("the node is listed twice")
+                .right("leave it out")
+                .warning()
         } else if broker.value.is_tls() != node.value.is_tls() {
-            let problem = node.location.problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
+            let problem = node
+                .location
+                .problem("the nodes of a broker are either all at mqtts:// or all at mqtt://");
             problem.right("as in `broker`")
         } else {
             continue;
@@ -202,9 +265,12 @@ fn other_nodes(file: &MqttFile, problems: &mut Vec<Problem>) {
 
 /// The session number must persist across restarts.
 fn sparkplug_has_a_place(file: &File, mqtt: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(sparkplug) = mqtt.sparkplug.valid() else { return };
+    let Some(sparkplug) = mqtt.sparkplug.valid() else {
+        return;
+    };
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
-        let what = "the number of each session, bdSeq, is kept in the data directory, and there is none";
+        let what =
+            "the number of each session, bdSeq, is kept in the data directory, and there is none";
         let problem = sparkplug.value.location.problem(what);
         problems.push(problem.right("`data_dir` in `[gateway]`, or no `[mqtt.sparkplug]`"));
     }
@@ -225,7 +291,16 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
             let host = host.clone();
             let port = *port;
             let also_at = also_at(file)?;
-            BrokerSettings::Tcp { host, port, also_at, tls: if *tls { Some(tls_settings(file)?) } else { None } }
+            BrokerSettings::Tcp {
+                host,
+                port,
+                also_at,
+                tls: if *tls {
+                    Some(tls_settings(file)?)
+                } else {
+                    None
+                },
+            }
         }
     })
 }
@@ -236,8 +311,10 @@ fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
         Address::Embedded => None,
         Address::Tcp { host, port, .. } => Some((host, port)),
     };
-    let mut nodes: Vec<(String, u16)> =
-        lists::values(&file.also_at)?.into_iter().map(location).collect::<Option<_>>()?;
+    let mut nodes: Vec<(String, u16)> = lists::values(&file.also_at)?
+        .into_iter()
+        .map(location)
+        .collect::<Option<_>>()?;
     let first = location(file.broker.as_ref()?.value.clone())?;
     let mut earlier = vec![first];
     nodes.retain(|node| {
@@ -251,15 +328,34 @@ fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
 fn tls_settings(file: &MqttFile) -> Option<TlsSettings> {
     let cert_file = file.client_cert_file.clone().optional()?;
     let key_file = file.client_key_file.clone().optional()?;
-    let client = cert_file.zip(key_file).map(|(cert_file, key_file)| ClientCertificate { cert_file, key_file });
-    Some(TlsSettings { ca_file: file.ca_file.clone().optional()?, client })
+    let client = cert_file
+        .zip(key_file)
+        .map(|(cert_file, key_file)| ClientCertificate {
+            cert_file,
+            key_file,
+        });
+    Some(TlsSettings {
+        ca_file: file.ca_file.clone().optional()?,
+        client,
+    })
 }
 
 fn credentials(file: &MqttFile) -> Option<Option<Credentials>> {
-    let from_file = file.password_file.clone().optional()?.map(PasswordSource::File);
-    let from_env = file.password_env.clone().optional()?.map(PasswordSource::Env);
+    let from_file = file
+        .password_file
+        .clone()
+        .optional()?
+        .map(PasswordSource::File);
+    let from_env = file
+        .password_env
+        .clone()
+        .optional()?
+        .map(PasswordSource::Env);
     let user = file.user.clone().optional()?;
-    Some(user.map(|user| Credentials { user, password: from_file.or(from_env) }))
+    Some(user.map(|user| Credentials {
+        user,
+        password: from_file.or(from_env),
+    }))
 }
 
 /// The location of a key that is present, valid or not.
@@ -272,30 +368,49 @@ fn password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let from_file = location(&file.password_file);
     let from_env = location(&file.password_env);
     if let (Some(_), Some(from_env)) = (from_file, from_env) {
-        let problem = from_env.problem("the password is named twice: `password_file` is there as well");
+        let problem =
+            from_env.problem("the password is named twice: `password_file` is there as well");
         problems.push(problem.right("one of the two"));
     }
     if let (Some(password), OptionalKey::Absent) = (from_file.or(from_env), &file.user) {
-        problems.push(password.problem("a password belongs to a user, and `user` is left out").right("add `user`"));
+        problems.push(
+            password
+                .problem("a password belongs to a user, and `user` is left out")
+                .right("add `user`"),
+        );
     }
 }
 
 /// A password is sent unencrypted over the network only if the file allows it explicitly.
 fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
     let Some(broker) = &file.broker else { return };
-    let secret = location(&file.user).or(location(&file.password_file)).or(location(&file.password_env));
+    let secret = location(&file.user)
+        .or(location(&file.password_file))
+        .or(location(&file.password_env));
     let others = file.also_at.valid().map_or(&[][..], |list| &list.value);
     let stays = |node: &Spanned<Address>| node.value.is_tls() || node.value.is_local();
     let is_exposed = secret.is_some() && !others.iter().chain([broker]).all(stays);
     match &file.allow_plain_password {
         OptionalKey::Valid(allowed) if allowed.value && !is_exposed => {
             let what = "has no effect: no user or password is sent unencrypted over the network";
-            problems.push(allowed.location.problem(what).right("leave it out").warning());
+            problems.push(
+                allowed
+                    .location
+                    .problem(what)
+                    .right("leave it out")
+                    .warning(),
+            );
         }
         OptionalKey::Valid(Spanned { value: true, .. }) | OptionalKey::Invalid => {}
         OptionalKey::Absent | OptionalKey::Valid(_) if is_exposed => {
-            let problem = broker.location.problem("user and password would be sent unencrypted over the network");
-            problems.push(problem.right("`mqtts://`, or `allow_plain_password = true` on a network that you trust"));
+            let problem = broker
+                .location
+                .problem("user and password would be sent unencrypted over the network");
+            problems.push(
+                problem.right(
+                    "`mqtts://`, or `allow_plain_password = true` on a network that you trust",
+                ),
+            );
         }
         OptionalKey::Absent | OptionalKey::Valid(_) => {}
     }
@@ -305,18 +420,25 @@ fn plain_password(file: &MqttFile, problems: &mut Vec<Problem>) {
 fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
     let cert = &file.client_cert_file;
     let key = &file.client_key_file;
-    for (there, other, name) in [(cert, key, "client_key_file"), (key, cert, "client_cert_file")] {
+    for (there, other, name) in [
+        (cert, key, "client_key_file"),
+        (key, cert, "client_cert_file"),
+    ] {
         if let (Some(location), OptionalKey::Absent) = (location(there), other) {
-            let problem =
-                location.problem(format!("a client's certificate and its key go together: `{name}` is left out"));
+            let problem = location.problem(format!(
+                "a client's certificate and its key go together: `{name}` is left out"
+            ));
             problems.push(problem.right("both or neither"));
         }
     }
-    let Some(broker) = file.broker.as_ref().filter(|broker| !broker.value.is_tls()) else { return };
+    let Some(broker) = file.broker.as_ref().filter(|broker| !broker.value.is_tls()) else {
+        return;
+    };
     let is_embedded = broker.value == Address::Embedded;
     let files: [&OptionalKey<PathBuf>; 3] = [&file.ca_file, cert, key];
     for location in files.into_iter().filter_map(location) {
-        let problem = location.problem("the connection is not encrypted, so the file would not be used");
+        let problem =
+            location.problem("the connection is not encrypted, so the file would not be used");
         problems.push(problem.right(if is_embedded {
             "leave it out"
         } else {
@@ -327,51 +449,104 @@ fn tls_files(file: &MqttFile, problems: &mut Vec<Problem>) {
 
 /// The embedded broker has no users.
 fn embedded(file: &MqttFile, problems: &mut Vec<Problem>) {
-    if file.broker.as_ref().is_none_or(|broker| broker.value != Address::Embedded) {
+    if file
+        .broker
+        .as_ref()
+        .is_none_or(|broker| broker.value != Address::Embedded)
+    {
         return;
     }
-    for location in
-        [location(&file.user), location(&file.password_file), location(&file.password_env)].into_iter().flatten()
+    for location in [
+        location(&file.user),
+        location(&file.password_file),
+        location(&file.password_env),
+    ]
+    .into_iter()
+    .flatten()
     {
-        problems.push(location.problem("the embedded broker has no users").right("leave it out"));
+        problems.push(
+            location
+                .problem("the embedded broker has no users")
+                .right("leave it out"),
+        );
     }
 }
 
 /// Announcements, and Home Assistant's own status, must lie outside the gateway's topics.
 fn discovery_prefix(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let Some(home_assistant) = file.home_assistant.valid() else { return };
-    let (Some(prefix), Some(own)) = (home_assistant.value.prefix.valid(), file.prefix.or(DEFAULT_PREFIX.to_owned()))
-    else {
+    let Some(home_assistant) = file.home_assistant.valid() else {
         return;
     };
-    if prefix.value.strip_prefix(&own).is_some_and(|rest| rest.starts_with('/')) {
-        let problem = prefix.location.problem(format!("`{}` lies among the gateway's own topics", prefix.value));
+    let (Some(prefix), Some(own)) = (
+        home_assistant.value.prefix.valid(),
+        file.prefix.or(DEFAULT_PREFIX.to_owned()),
+    ) else {
+        return;
+    };
+    if prefix
+        .value
+        .strip_prefix(&own)
+        .is_some_and(|rest| rest.starts_with('/'))
+    {
+        let problem = prefix.location.problem(format!(
+            "`{}` lies among the gateway's own topics",
+            prefix.value
+        ));
         problems.push(problem.right(format!("the discovery prefix that Home Assistant is set to: \"{DEFAULT_DISCOVERY_PREFIX}\" unless it was changed there")));
     }
 }
 
 /// Announced entities require published topics.
 fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
-    let (Some(home_assistant), Some(list)) = (file.home_assistant.valid(), file.publish.valid()) else { return };
-    let is_announced = home_assistant.value.discovery.as_ref().is_some_and(|discovery| discovery.value);
+    let (Some(home_assistant), Some(list)) = (file.home_assistant.valid(), file.publish.valid())
+    else {
+        return;
+    };
+    let is_announced = home_assistant
+        .value
+        .discovery
+        .as_ref()
+        .is_some_and(|discovery| discovery.value);
     let needed = [Tree::State, Tree::Values, Tree::Line, Tree::Info];
-    let missing = needed.into_iter().find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
+    let missing = needed
+        .into_iter()
+        .find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
     if let Some(tree) = missing.filter(|_| is_announced) {
-        let what = format!("Home Assistant would show entities of `{}`, which is not published", tree.word());
-        let all: Vec<_> = needed.iter().map(|tree| format!("\"{}\"", tree.word())).collect();
-        problems
-            .push(list.location.problem(what).right(format!("a list with {}, or without discovery", all.join(", "))));
+        let what = format!(
+            "Home Assistant would show entities of `{}`, which is not published",
+            tree.word()
+        );
+        let all: Vec<_> = needed
+            .iter()
+            .map(|tree| format!("\"{}\"", tree.word()))
+            .collect();
+        problems.push(list.location.problem(what).right(format!(
+            "a list with {}, or without discovery",
+            all.join(", ")
+        )));
     }
 }
 
 /// Keys that have no effect in combination with others.
 fn idle(file: &MqttFile, lease: LeaseMode, problems: &mut Vec<Problem>) {
-    let alive_topic = file.alive_topic.valid().filter(|topic| topic.value.is_some());
+    let alive_topic = file
+        .alive_topic
+        .valid()
+        .filter(|topic| topic.value.is_some());
     if let (Some(topic), LeaseMode::Explicit) = (alive_topic, lease) {
-        let problem = topic.location.problem("has no effect: an explicit lease does not depend on a topic");
-        problems.push(problem.right("leave it out, or lease = \"session\"").warning());
+        let problem = topic
+            .location
+            .problem("has no effect: an explicit lease does not depend on a topic");
+        problems.push(
+            problem
+                .right("leave it out, or lease = \"session\"")
+                .warning(),
+        );
     }
-    if let (Some(prefix), Some(Version::V4)) = (location(&file.response_prefix), file.version.or(Version::V5)) {
+    if let (Some(prefix), Some(Version::V4)) = (
+        location(&file.response_prefix),
+        file.version.or(Version::V5),
+    ) {
         let problem = prefix.problem("has no effect: MQTT 3.1.1 has no response topics");
         problems.push(problem.right("leave it out, or version = 5").warning());
     }

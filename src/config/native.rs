@@ -9,15 +9,27 @@ use crate::toml_file::{OptionalKey, Spanned};
 use std::time::Duration;
 
 /// The writable addresses of `drive`, in the order of the list; `None` if it is invalid, see `problems`.
-pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Vec<Problem>) -> Option<Vec<u16>> {
-    let Spanned { value: file, location } = match &drive.native {
+pub(super) fn settle(
+    drive: &DriveFile,
+    model: Option<&Model>,
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<u16>> {
+    let Spanned {
+        value: file,
+        location,
+    } = match &drive.native {
         OptionalKey::Absent => return Some(Vec::new()),
         OptionalKey::Invalid => return None,
         OptionalKey::Valid(native) => native,
     };
     if matches!(drive.control, OptionalKey::Absent) {
         let what = "only clients that may command can write registers, and the drive has no control section";
-        problems.push(location.problem(what).right("a `[line.drive.control]`, or leave `native` out").warning());
+        problems.push(
+            location
+                .problem(what)
+                .right("a `[line.drive.control]`, or leave `native` out")
+                .warning(),
+        );
     }
     let list = file.write.as_ref()?;
     let model = model?;
@@ -25,12 +37,17 @@ pub(super) fn settle(drive: &DriveFile, model: Option<&Model>, problems: &mut Ve
     for written in &list.value {
         match named(written, model).and_then(|listed| listed.writable(written)) {
             Ok(listed) if addresses.contains(&listed.address) => {
-                let what = format!("register `{}`, 0x{:04X}, is listed twice", listed.register.name, listed.address);
+                let what = format!(
+                    "register `{}`, 0x{:04X}, is listed twice",
+                    listed.register.name, listed.address
+                );
                 problems.push(written.location.problem(what).right("each once").warning());
             }
             Ok(listed) if model.sets_watchdog(listed.address) => {
-                let problem =
-                    written.location.problem(format!("`{}` sets the drive's own watchdog", listed.register.name));
+                let problem = written.location.problem(format!(
+                    "`{}` sets the drive's own watchdog",
+                    listed.register.name
+                ));
                 problems.push(problem.right("leave it out; only `vfd-gateway watchdog` sets it"));
             }
             Ok(listed) => addresses.push(listed.address),
@@ -51,11 +68,19 @@ pub(super) fn stores(drive: &DriveFile) -> Option<bool> {
 }
 
 fn stores_by_a_word(file: &NativeFile, model: &Model, problems: &mut Vec<Problem>) {
-    let Some(store) = file.store.valid().filter(|store| store.value) else { return };
+    let Some(store) = file.store.valid().filter(|store| store.value) else {
+        return;
+    };
     if model.commit(CommitEffect::Store).is_none() {
         let what = match model.commit.stated(CommitEffect::Store) {
-            Some(_) => format!("the word by which {} stores parameters is unproven, and is never sent", model.id),
-            None => format!("{} has no word of its own by which it stores parameters", model.id),
+            Some(_) => format!(
+                "the word by which {} stores parameters is unproven, and is never sent",
+                model.id
+            ),
+            None => format!(
+                "{} has no word of its own by which it stores parameters",
+                model.id
+            ),
         };
         problems.push(store.location.problem(what).right("leave it out"));
     }
@@ -66,7 +91,10 @@ pub(super) fn stored_write_interval(drive: &DriveFile) -> Option<Duration> {
     match &drive.native {
         OptionalKey::Absent => Some(ControlSettings::STORED_WRITE_INTERVAL),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(native) => native.value.stored_write_interval.or(ControlSettings::STORED_WRITE_INTERVAL),
+        OptionalKey::Valid(native) => native
+            .value
+            .stored_write_interval
+            .or(ControlSettings::STORED_WRITE_INTERVAL),
     }
 }
 
@@ -86,11 +114,23 @@ pub struct Listed<'m> {
 pub fn listed(model: &Model, address: u16) -> Option<Listed<'_>> {
     let twin_of = model.quirks.stored_alias_bit.as_ref().and_then(|bit| {
         let bit = 1_u16.checked_shl(bit.value.into())?;
-        if address & bit == 0 { None } else { model.register_at(address & !bit) }
+        if address & bit == 0 {
+            None
+        } else {
+            model.register_at(address & !bit)
+        }
     });
     let in_ram = model.in_ram_at(address.into());
-    let register = model.writable_at(address).or_else(|| model.register_at(address)).or(twin_of).or(in_ram)?;
-    Some(Listed { address, register, twin_of })
+    let register = model
+        .writable_at(address)
+        .or_else(|| model.register_at(address))
+        .or(twin_of)
+        .or(in_ram)?;
+    Some(Listed {
+        address,
+        register,
+        twin_of,
+    })
 }
 
 impl Listed<'_> {
@@ -103,12 +143,22 @@ impl Listed<'_> {
         if self.register.access.can_write() {
             return Ok(self);
         }
-        let problem = written.location.problem(format!("{} cannot be written", self.called(self.register)));
+        let problem = written
+            .location
+            .problem(format!("{} cannot be written", self.called(self.register)));
         Err(problem.right("registers with the access \"write\" or \"read-write\""))
     }
 
-    fn is_no_way_around_control(self, register: &Register, written: &Spanned<String>) -> Result<(), Problem> {
-        let refused = |why: &str| written.location.problem(format!("{} {why}", self.called(register)));
+    fn is_no_way_around_control(
+        self,
+        register: &Register,
+        written: &Spanned<String>,
+    ) -> Result<(), Problem> {
+        let refused = |why: &str| {
+            written
+                .location
+                .problem(format!("{} {why}", self.called(register)))
+        };
         if let Some(why) = &register.back_door {
             return Err(refused(&format!("is never written: {why}")).right("leave it out"));
         }
@@ -138,7 +188,9 @@ impl Listed<'_> {
 fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        let address = u16::from_str_radix(digits, 16).ok().filter(|_| !digits.starts_with('+'));
+        let address = u16::from_str_radix(digits, 16)
+            .ok()
+            .filter(|_| !digits.starts_with('+'));
         return address.and_then(|address| listed(model, address)).ok_or_else(|| {
             let problem = written.location.problem(format!("{} has no register at `{text}`", model.id));
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")
@@ -146,15 +198,24 @@ fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, 
     }
     let found = model.register_named(text);
     if let Some(register) = found.filter(|register| register.address.table() != Table::Holding) {
-        let problem = written.location.problem(format!("`{}` is no holding register", register.name));
+        let problem = written
+            .location
+            .problem(format!("`{}` is no holding register", register.name));
         return Err(problem.right("leave it out: only holding registers can be made writable"));
     }
-    found.and_then(|register| listed(model, register.address.number())).ok_or_else(|| {
-        let labels = model.registers.iter().flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
-        let problem = written.location.problem(format!("{} has no register `{text}`", model.id));
-        match nearest(text, labels) {
-            Some(near) => problem.right(format!("\"{near}\"")),
-            None => problem.right("a name or a code of the model, or an address as \"0x020C\""),
-        }
-    })
+    found
+        .and_then(|register| listed(model, register.address.number()))
+        .ok_or_else(|| {
+            let labels = model
+                .registers
+                .iter()
+                .flat_map(|it| it.code.as_deref().into_iter().chain([it.name.as_str()]));
+            let problem = written
+                .location
+                .problem(format!("{} has no register `{text}`", model.id));
+            match nearest(text, labels) {
+                Some(near) => problem.right(format!("\"{near}\"")),
+                None => problem.right("a name or a code of the model, or an address as \"0x020C\""),
+            }
+        })
 }

@@ -24,31 +24,53 @@ pub(super) fn parse(text: &str) -> Result<PortAddress, Wrong> {
     let Some((scheme, rest)) = text.split_once("://") else {
         return match PathBuf::from(text) {
             path if path.is_absolute() => Ok(PortAddress::Device(path)),
-            _ => Err((format!("`{text}` is not an absolute path"), RIGHT.to_owned())),
+            _ => Err((
+                format!("`{text}` is not an absolute path"),
+                RIGHT.to_owned(),
+            )),
         };
     };
     let wrong = |what: &str, right: &str| Err((format!("`{text}` {what}"), right.to_owned()));
     let is_modbus_tcp = scheme == PortAddress::MODBUS_TCP;
     if !is_modbus_tcp && scheme != "tcp" {
-        return Err((format!("a line over `{scheme}://` is not served"), RIGHT.to_owned()));
+        return Err((
+            format!("a line over `{scheme}://` is not served"),
+            RIGHT.to_owned(),
+        ));
     }
     if rest.contains(['/', '?', '#', '@']) {
         return wrong("has more than a host and a port", RIGHT);
     }
-    let Some((host, port)) = host_and_port(rest) else { return wrong("has no usable host", RIGHT) };
+    let Some((host, port)) = host_and_port(rest) else {
+        return wrong("has no usable host", RIGHT);
+    };
     let number = match port {
         None if is_modbus_tcp => Some(MODBUS_TCP_PORT),
         Some(digits) => port_number(digits),
         None => {
-            let bracketed = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
-            let right = format!("the port that the serial device server listens on, as \"tcp://{bracketed}:4001\"");
+            let bracketed = if host.contains(':') {
+                format!("[{host}]")
+            } else {
+                host.to_owned()
+            };
+            let right = format!(
+                "the port that the serial device server listens on, as \"tcp://{bracketed}:4001\""
+            );
             return wrong("names no port, and there is no usual one", &right);
         }
     };
-    let Some(port) = number else { return wrong("has no usable port", "a port from 1 to 65535") };
+    let Some(port) = number else {
+        return wrong("has no usable port", "a port from 1 to 65535");
+    };
     // One spelling per host, so that duplicate ports are found.
-    let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: Ipv6Addr| ip.to_string());
-    Ok(if is_modbus_tcp { PortAddress::ModbusTcp { host, port } } else { PortAddress::Tcp { host, port } })
+    let host = host
+        .parse()
+        .map_or_else(|_| host.to_ascii_lowercase(), |ip: Ipv6Addr| ip.to_string());
+    Ok(if is_modbus_tcp {
+        PortAddress::ModbusTcp { host, port }
+    } else {
+        PortAddress::Tcp { host, port }
+    })
 }
 
 /// Reports the keys of `line` that have no effect with its port or its interface.
@@ -57,7 +79,12 @@ pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
         return without_characters(line, problems);
     }
     let mut leave_out = |location: &Location, what: &str| {
-        problems.push(location.problem(format!("has no effect: {what}")).right("leave it out").warning());
+        problems.push(
+            location
+                .problem(format!("has no effect: {what}"))
+                .right("leave it out")
+                .warning(),
+        );
     };
     if let (OptionalKey::Valid(rs485), Some(why)) = (&line.direction, why_not_turned(line)) {
         leave_out(&rs485.location, why);
@@ -65,7 +92,10 @@ pub(super) fn check(line: &LineFile, problems: &mut Vec<Problem>) {
     if let OptionalKey::Valid(low_latency) = &line.low_latency
         && is_tcp(line)
     {
-        leave_out(&low_latency.location, "a network connection has no driver whose latency could be set");
+        leave_out(
+            &low_latency.location,
+            "a network connection has no driver whose latency could be set",
+        );
     }
 }
 
@@ -76,10 +106,22 @@ fn without_characters(line: &LineFile, problems: &mut Vec<Problem>) {
         let right = "leave it out; or `tcp://` where a serial device server passes the frames of a line on as they are";
         problems.push(framing.location.problem(what).right(right));
     }
-    if let Some(rs232) = line.interface.valid().filter(|interface| interface.value == Interface::Rs232) {
-        problems.push(rs232.location.problem("a Modbus TCP connection is no RS-232").right("leave it out"));
+    if let Some(rs232) = line
+        .interface
+        .valid()
+        .filter(|interface| interface.value == Interface::Rs232)
+    {
+        problems.push(
+            rs232
+                .location
+                .problem("a Modbus TCP connection is no RS-232")
+                .right("leave it out"),
+        );
     }
-    let rs485 = line.interface.valid().filter(|interface| interface.value == Interface::Rs485);
+    let rs485 = line
+        .interface
+        .valid()
+        .filter(|interface| interface.value == Interface::Rs485);
     let of_a_serial_line = [
         rs485.map(|it| &it.location),
         line.baud.valid().map(|it| &it.location),
@@ -92,13 +134,28 @@ fn without_characters(line: &LineFile, problems: &mut Vec<Problem>) {
         line.silence.valid().map(|it| &it.location),
     ];
     let mut leave_out = |location: &Location, what: &str| {
-        problems.push(location.problem(format!("has no effect: {what}")).right("leave it out").warning());
+        problems.push(
+            location
+                .problem(format!("has no effect: {what}"))
+                .right("leave it out")
+                .warning(),
+        );
     };
     for location in of_a_serial_line.into_iter().flatten() {
-        leave_out(location, "it is about a serial line, and Modbus TCP has none on this side");
+        leave_out(
+            location,
+            "it is about a serial line, and Modbus TCP has none on this side",
+        );
     }
-    for max_lateness in line.drives.iter().filter_map(|drive| drive.max_lateness.valid()) {
-        leave_out(&max_lateness.location, "over Modbus TCP each reply carries the number of its request");
+    for max_lateness in line
+        .drives
+        .iter()
+        .filter_map(|drive| drive.max_lateness.valid())
+    {
+        leave_out(
+            &max_lateness.location,
+            "over Modbus TCP each reply carries the number of its request",
+        );
     }
 }
 
@@ -110,17 +167,24 @@ pub(super) fn why_not_turned(line: &LineFile) -> Option<&'static str> {
     if is_tcp(line) {
         return Some("the direction is turned by the serial device server, not from here");
     }
-    let rs232 = line.interface.valid().filter(|interface| interface.value == Interface::Rs232);
+    let rs232 = line
+        .interface
+        .valid()
+        .filter(|interface| interface.value == Interface::Rs232);
     rs232.map(|_| "RS-232 has a wire for each direction, and nothing to turn")
 }
 
 fn is_tcp(line: &LineFile) -> bool {
-    line.port.as_ref().is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }))
+    line.port
+        .as_ref()
+        .is_some_and(|port| matches!(port.value, PortAddress::Tcp { .. }))
 }
 
 /// Whether the port of `line` is known to be Modbus TCP.
 pub(super) fn is_modbus_tcp(line: &LineFile) -> bool {
-    line.port.as_ref().is_some_and(|port| !port.value.is_serial_line())
+    line.port
+        .as_ref()
+        .is_some_and(|port| !port.value.is_serial_line())
 }
 
 #[cfg(test)]
@@ -129,29 +193,44 @@ mod tests {
     use std::path::Path;
 
     fn tcp(host: &str, port: u16) -> PortAddress {
-        PortAddress::Tcp { host: host.to_owned(), port }
+        PortAddress::Tcp {
+            host: host.to_owned(),
+            port,
+        }
     }
 
     #[test]
     fn devices_device_servers_and_modbus_tcp_are_distinguished() {
-        let modbus_tcp = |host: &str, port| PortAddress::ModbusTcp { host: host.to_owned(), port };
+        let modbus_tcp = |host: &str, port| PortAddress::ModbusTcp {
+            host: host.to_owned(),
+            port,
+        };
         let device = |path: &str| PortAddress::Device(Path::new(path).to_owned());
         for (text, address) in [
             ("/dev/ttyUSB0", device("/dev/ttyUSB0")),
-            ("/dev/serial/by-id/usb-a:b", device("/dev/serial/by-id/usb-a:b")),
+            (
+                "/dev/serial/by-id/usb-a:b",
+                device("/dev/serial/by-id/usb-a:b"),
+            ),
             ("tcp://10.0.0.7:4001", tcp("10.0.0.7", 4001)),
             ("tcp://Hall-1.Example:1", tcp("hall-1.example", 1)),
             ("tcp://[::1]:65535", tcp("::1", 65_535)),
             ("tcp://[FD00:0::7]:4001", tcp("fd00::7", 4001)),
             ("modbus-tcp://10.0.0.7:1502", modbus_tcp("10.0.0.7", 1502)),
-            ("modbus-tcp://Press.Example", modbus_tcp("press.example", 502)),
+            (
+                "modbus-tcp://Press.Example",
+                modbus_tcp("press.example", 502),
+            ),
             ("modbus-tcp://[FD00:0::7]", modbus_tcp("fd00::7", 502)),
         ] {
             assert_eq!(parse(text), Ok(address), "{text}");
         }
         assert_eq!(tcp("fd00::7", 4001).to_string(), "tcp://[fd00::7]:4001");
         assert_eq!(tcp("hall", 1).to_string(), "tcp://hall:1");
-        assert_eq!(modbus_tcp("fd00::7", 502).to_string(), "modbus-tcp://[fd00::7]:502");
+        assert_eq!(
+            modbus_tcp("fd00::7", 502).to_string(),
+            "modbus-tcp://[fd00::7]:502"
+        );
     }
 
     #[test]
@@ -161,13 +240,37 @@ mod tests {
             ("", "`` is not an absolute path", usual),
             ("ttyUSB0", "`ttyUSB0` is not an absolute path", usual),
             ("10.0.0.7:4001", "is not an absolute path", "tcp://"),
-            ("http://10.0.0.7:4001", "a line over `http://` is not served", "tcp://"),
-            ("TCP://10.0.0.7:4001", "a line over `TCP://` is not served", "tcp://"),
-            ("udp://10.0.0.7:4001", "a line over `udp://` is not served", "tcp://"),
+            (
+                "http://10.0.0.7:4001",
+                "a line over `http://` is not served",
+                "tcp://",
+            ),
+            (
+                "TCP://10.0.0.7:4001",
+                "a line over `TCP://` is not served",
+                "tcp://",
+            ),
+            (
+                "udp://10.0.0.7:4001",
+                "a line over `udp://` is not served",
+                "tcp://",
+            ),
             ("modbus-tcp://", "has no usable host", usual),
-            ("modbus-tcp://10.0.0.7:0", "has no usable port", "1 to 65535"),
-            ("modbus-tcp://10.0.0.7/1", "has more than a host and a port", "modbus-tcp://"),
-            ("modbus://10.0.0.7", "a line over `modbus://` is not served", "modbus-tcp://"),
+            (
+                "modbus-tcp://10.0.0.7:0",
+                "has no usable port",
+                "1 to 65535",
+            ),
+            (
+                "modbus-tcp://10.0.0.7/1",
+                "has more than a host and a port",
+                "modbus-tcp://",
+            ),
+            (
+                "modbus://10.0.0.7",
+                "a line over `modbus://` is not served",
+                "modbus-tcp://",
+            ),
             ("tcp://", "has no usable host", usual),
             ("tcp://:4001", "has no usable host", usual),
             ("tcp://a b:4001", "has no usable host", usual),
@@ -178,11 +281,22 @@ mod tests {
             ("tcp://10.0.0.7:0", "has no usable port", "1 to 65535"),
             ("tcp://10.0.0.7:65536", "has no usable port", "1 to 65535"),
             ("tcp://10.0.0.7:+1", "has no usable port", "1 to 65535"),
-            ("tcp://10.0.0.7:4001/", "has more than a host and a port", "tcp://"),
-            ("tcp://me@10.0.0.7:4001", "has more than a host and a port", "tcp://"),
+            (
+                "tcp://10.0.0.7:4001/",
+                "has more than a host and a port",
+                "tcp://",
+            ),
+            (
+                "tcp://me@10.0.0.7:4001",
+                "has more than a host and a port",
+                "tcp://",
+            ),
         ] {
             let (told, instead) = parse(text).expect_err(text);
-            assert!(told.contains(what) && instead.contains(right), "{text}: {told}; {instead}");
+            assert!(
+                told.contains(what) && instead.contains(right),
+                "{text}: {told}; {instead}"
+            );
         }
     }
 }

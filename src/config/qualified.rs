@@ -149,14 +149,27 @@ impl Qualified {
         let value: Value = serde_json::from_str(text).map_err(|error| error.to_string())?;
         let version = value["version"].as_u64().ok_or("it has no version")?;
         if version != VERSION {
-            return Err(format!("it is of version {version}; this program reads {VERSION}"));
+            return Err(format!(
+                "it is of version {version}; this program reads {VERSION}"
+            ));
         }
-        let drives = value["drives"].as_array().ok_or("it has no list of drives")?;
+        let drives = value["drives"]
+            .as_array()
+            .ok_or("it has no list of drives")?;
         if drives.len() > DRIVES_MAX {
-            return Err(format!("it has {} drives; {DRIVES_MAX} are the most", drives.len()));
+            return Err(format!(
+                "it has {} drives; {DRIVES_MAX} are the most",
+                drives.len()
+            ));
         }
-        let entry = |(at, value)| entry_of(value).ok_or_else(|| format!("drive {at} cannot be understood"));
-        Ok(Self { entries: (1..).zip(drives).map(entry).collect::<Result<_, String>>()? })
+        let entry =
+            |(at, value)| entry_of(value).ok_or_else(|| format!("drive {at} cannot be understood"));
+        Ok(Self {
+            entries: (1..)
+                .zip(drives)
+                .map(entry)
+                .collect::<Result<_, String>>()?,
+        })
     }
 
     /// The text of the file.
@@ -169,8 +182,14 @@ impl Qualified {
     /// What it says of the drive of `model` at `station` of `line`.
     #[must_use]
     pub fn standing(&self, line: &str, station: Station, model: &Model) -> Standing {
-        let Some(Entry { drive, facts }) = self.entry(line, station) else { return Standing::Never };
-        let confirmed: Vec<_> = facts.iter().filter(|it| it.result == Finding::Confirmed).map(|it| it.action).collect();
+        let Some(Entry { drive, facts }) = self.entry(line, station) else {
+            return Standing::Never;
+        };
+        let confirmed: Vec<_> = facts
+            .iter()
+            .filter(|it| it.result == Finding::Confirmed)
+            .map(|it| it.action)
+            .collect();
         if confirmed.is_empty() {
             return Standing::Never;
         }
@@ -187,16 +206,26 @@ impl Qualified {
         match voided {
             Some(why) => Standing::Void(confirmed, why),
             None => {
-                let identity = identity.zip(drive.identity).map(|(address, (_, word))| (address, word));
-                Standing::Counts(SiteEvidence { actions: confirmed, identity })
+                let identity = identity
+                    .zip(drive.identity)
+                    .map(|(address, (_, word))| (address, word));
+                Standing::Counts(SiteEvidence {
+                    actions: confirmed,
+                    identity,
+                })
             }
         }
     }
 
     /// The results of the drive at `station` of `line`, and the drive as it was.
     #[must_use]
-    pub fn facts(&self, line: &str, station: Station) -> Option<(&QualifiedDrive, &[QualifiedFact])> {
-        self.entry(line, station).map(|entry| (&entry.drive, entry.facts.as_slice()))
+    pub fn facts(
+        &self,
+        line: &str,
+        station: Station,
+    ) -> Option<(&QualifiedDrive, &[QualifiedFact])> {
+        self.entry(line, station)
+            .map(|entry| (&entry.drive, entry.facts.as_slice()))
     }
 
     /// Adds a result. One that says nothing does not end an earlier one. Those of another drive at the same place, or of the same one as it was before a change, end.
@@ -204,8 +233,14 @@ impl Qualified {
     /// # Errors
     /// There is no room for another drive.
     pub fn record(&mut self, drive: &QualifiedDrive, fact: QualifiedFact) -> Result<(), String> {
-        let fact = QualifiedFact { by: shortened(&fact.by), at: shortened(&fact.at), ..fact };
-        let is_here = |it: &Entry| (it.drive.line.as_str(), it.drive.station) == (drive.line.as_str(), drive.station);
+        let fact = QualifiedFact {
+            by: shortened(&fact.by),
+            at: shortened(&fact.at),
+            ..fact
+        };
+        let is_here = |it: &Entry| {
+            (it.drive.line.as_str(), it.drive.station) == (drive.line.as_str(), drive.station)
+        };
         self.entries.retain(|it| !is_here(it) || it.drive == *drive);
         if let Some(entry) = self.entries.iter_mut().find(|it| is_here(it)) {
             let is_known = entry.facts.iter().any(|it| it.action == fact.action);
@@ -215,9 +250,14 @@ impl Qualified {
             entry.facts.retain(|it| it.action != fact.action);
             entry.facts.push(fact);
         } else if self.entries.len() < DRIVES_MAX {
-            self.entries.push(Entry { drive: drive.clone(), facts: vec![fact] });
+            self.entries.push(Entry {
+                drive: drive.clone(),
+                facts: vec![fact],
+            });
         } else {
-            return Err(format!("{DRIVES_MAX} drives are the most; forget those that are gone"));
+            return Err(format!(
+                "{DRIVES_MAX} drives are the most; forget those that are gone"
+            ));
         }
         Ok(())
     }
@@ -225,23 +265,32 @@ impl Qualified {
     /// Removes the results of the drive at `station` of `line`. Returns whether there were any.
     pub fn forget(&mut self, line: &str, station: Station) -> bool {
         let before = self.entries.len();
-        self.entries.retain(|it| it.drive.line != line || it.drive.station != station.0);
+        self.entries
+            .retain(|it| it.drive.line != line || it.drive.station != station.0);
         self.entries.len() < before
     }
 
     fn entry(&self, line: &str, station: Station) -> Option<&Entry> {
-        self.entries.iter().find(|it| it.drive.line == line && it.drive.station == station.0)
+        self.entries
+            .iter()
+            .find(|it| it.drive.line == line && it.drive.station == station.0)
     }
 }
 
 /// The action with the word `word`.
 #[must_use]
 pub fn action_of(word: &str) -> Option<ControlAction> {
-    ControlAction::ALL.iter().copied().find(|it| it.word() == word)
+    ControlAction::ALL
+        .iter()
+        .copied()
+        .find(|it| it.word() == word)
 }
 
 fn shortened(text: &str) -> String {
-    text.chars().filter(|c| !c.is_control()).take(CHARS_MAX).collect()
+    text.chars()
+        .filter(|c| !c.is_control())
+        .take(CHARS_MAX)
+        .collect()
 }
 
 fn shown(entry: &Entry) -> Value {
@@ -263,7 +312,10 @@ fn entry_of(value: &Value) -> Option<Entry> {
     let of = value.as_object()?;
     let identity = match of.get("identity")? {
         Value::Null => None,
-        identity => Some((word(identity.get("register")?)?, word(identity.get("word")?)?)),
+        identity => Some((
+            word(identity.get("register")?)?,
+            word(identity.get("word")?)?,
+        )),
     };
     let drive = QualifiedDrive {
         line: text(of, "line")?,
@@ -272,15 +324,26 @@ fn entry_of(value: &Value) -> Option<Entry> {
         digest: u64::from_str_radix(of.get("model_digest")?.as_str()?, 16).ok()?,
         identity,
     };
-    let facts = of.get("facts")?.as_array().filter(|facts| facts.len() <= ControlAction::ALL.len())?;
-    Some(Entry { drive, facts: facts.iter().map(fact_of).collect::<Option<_>>()? })
+    let facts = of
+        .get("facts")?
+        .as_array()
+        .filter(|facts| facts.len() <= ControlAction::ALL.len())?;
+    Some(Entry {
+        drive,
+        facts: facts.iter().map(fact_of).collect::<Option<_>>()?,
+    })
 }
 
 fn fact_of(value: &Value) -> Option<QualifiedFact> {
     let of = value.as_object()?;
     let action = action_of(of.get("action")?.as_str()?)?;
     let result = Finding::of(of.get("result")?.as_str()?)?;
-    Some(QualifiedFact { action, result, by: text(of, "by")?, at: text(of, "at")? })
+    Some(QualifiedFact {
+        action,
+        result,
+        by: text(of, "by")?,
+        at: text(of, "at")?,
+    })
 }
 
 fn word(value: &Value) -> Option<u16> {
@@ -301,19 +364,47 @@ mod tests {
     const STATION: Station = Station(3);
 
     fn drive_of(model: &Model, word: Option<u16>) -> QualifiedDrive {
-        let identity = model.identity.as_ref().map(|it| it.address.number()).zip(word);
+        let identity = model
+            .identity
+            .as_ref()
+            .map(|it| it.address.number())
+            .zip(word);
         let (line, station) = ("hall-1".to_owned(), STATION.0);
-        QualifiedDrive { line, station, model: model.id.clone(), digest: model.digest, identity }
+        QualifiedDrive {
+            line,
+            station,
+            model: model.id.clone(),
+            digest: model.digest,
+            identity,
+        }
     }
 
     fn fact(action: ControlAction, result: Finding) -> QualifiedFact {
-        QualifiedFact { action, result, by: "anna".to_owned(), at: "2026-01-01T00:00:00Z".to_owned() }
+        QualifiedFact {
+            action,
+            result,
+            by: "anna".to_owned(),
+            at: "2026-01-01T00:00:00Z".to_owned(),
+        }
     }
 
     fn identified() -> Model {
-        let values = Fact { value: vec![7], confidence: Confidence::Manual, source: "IM 1".to_owned() };
-        let identity = Identity { address: 0x0700_u16.into(), mask: 0xFF, values, others: Vec::new() };
-        Model { identity: Some(identity), digest: 5, ..model() }
+        let values = Fact {
+            value: vec![7],
+            confidence: Confidence::Manual,
+            source: "IM 1".to_owned(),
+        };
+        let identity = Identity {
+            address: 0x0700_u16.into(),
+            mask: 0xFF,
+            values,
+            others: Vec::new(),
+        };
+        Model {
+            identity: Some(identity),
+            digest: 5,
+            ..model()
+        }
     }
 
     #[test]
@@ -326,12 +417,19 @@ mod tests {
             (ControlAction::Basic, Finding::Skipped),
             (ControlAction::Coast, Finding::Contradicted),
         ] {
-            kept.record(&drive_of(&model, Some(7)), fact(action, result)).unwrap();
+            kept.record(&drive_of(&model, Some(7)), fact(action, result))
+                .unwrap();
         }
         let read = Qualified::parse(&kept.text()).unwrap();
         assert_eq!(read, kept);
-        let evidence = SiteEvidence { actions: vec![ControlAction::Basic], identity: Some((0x0700_u16.into(), 7)) };
-        assert_eq!(read.standing("hall-1", STATION, &model), Standing::Counts(evidence));
+        let evidence = SiteEvidence {
+            actions: vec![ControlAction::Basic],
+            identity: Some((0x0700_u16.into(), 7)),
+        };
+        assert_eq!(
+            read.standing("hall-1", STATION, &model),
+            Standing::Counts(evidence)
+        );
         for (line, station) in [("hall-2", STATION), ("hall-1", Station(4))] {
             assert_eq!(read.standing(line, station, &model), Standing::Never);
         }
@@ -343,9 +441,20 @@ mod tests {
     fn a_contradiction_ends_an_earlier_confirmation() {
         let model = model();
         let mut kept = Qualified::default();
-        kept.record(&drive_of(&model, None), fact(ControlAction::Basic, Finding::Confirmed)).unwrap();
-        assert_eq!(kept.standing("hall-1", STATION, &model).actions(), [ControlAction::Basic]);
-        kept.record(&drive_of(&model, None), fact(ControlAction::Basic, Finding::Contradicted)).unwrap();
+        kept.record(
+            &drive_of(&model, None),
+            fact(ControlAction::Basic, Finding::Confirmed),
+        )
+        .unwrap();
+        assert_eq!(
+            kept.standing("hall-1", STATION, &model).actions(),
+            [ControlAction::Basic]
+        );
+        kept.record(
+            &drive_of(&model, None),
+            fact(ControlAction::Basic, Finding::Contradicted),
+        )
+        .unwrap();
         assert_eq!(kept.standing("hall-1", STATION, &model), Standing::Never);
     }
 
@@ -353,18 +462,44 @@ mod tests {
     fn whatever_changes_at_the_drive_voids_it() {
         let model = identified();
         let mut kept = Qualified::default();
-        kept.record(&drive_of(&model, Some(7)), fact(ControlAction::Basic, Finding::Confirmed)).unwrap();
+        kept.record(
+            &drive_of(&model, Some(7)),
+            fact(ControlAction::Basic, Finding::Confirmed),
+        )
+        .unwrap();
         let void = |changed: &Model, why| {
             let standing = kept.standing("hall-1", STATION, changed);
             assert_eq!(standing, Standing::Void(vec![ControlAction::Basic], why));
             assert!(standing.actions().is_empty());
         };
-        void(&Model { id: "acme-two".to_owned(), ..model.clone() }, Voided::Model);
-        void(&Model { digest: 6, ..model.clone() }, Voided::ModelFile);
-        void(&Model { identity: None, ..model.clone() }, Voided::Identity);
+        void(
+            &Model {
+                id: "acme-two".to_owned(),
+                ..model.clone()
+            },
+            Voided::Model,
+        );
+        void(
+            &Model {
+                digest: 6,
+                ..model.clone()
+            },
+            Voided::ModelFile,
+        );
+        void(
+            &Model {
+                identity: None,
+                ..model.clone()
+            },
+            Voided::Identity,
+        );
         let changed = Model { digest: 6, ..model };
         let mut kept = kept.clone();
-        kept.record(&drive_of(&changed, Some(7)), fact(ControlAction::Coast, Finding::Confirmed)).unwrap();
+        kept.record(
+            &drive_of(&changed, Some(7)),
+            fact(ControlAction::Coast, Finding::Confirmed),
+        )
+        .unwrap();
         assert_eq!(
             kept.standing("hall-1", STATION, &changed).actions(),
             [ControlAction::Coast],
@@ -375,7 +510,11 @@ mod tests {
     #[test]
     fn a_damaged_file_is_reported_and_never_half_read() {
         let mut kept = Qualified::default();
-        kept.record(&drive_of(&model(), None), fact(ControlAction::Basic, Finding::Confirmed)).unwrap();
+        kept.record(
+            &drive_of(&model(), None),
+            fact(ControlAction::Basic, Finding::Confirmed),
+        )
+        .unwrap();
         let whole = kept.text();
         for wrong in [
             String::new(),
@@ -394,8 +533,14 @@ mod tests {
     #[test]
     fn it_is_bounded() {
         let mut kept = Qualified::default();
-        let place = |number: usize| QualifiedDrive { line: format!("line-{number}"), ..drive_of(&model(), None) };
-        let new = || QualifiedFact { by: "x\n".repeat(100), ..fact(ControlAction::Basic, Finding::Confirmed) };
+        let place = |number: usize| QualifiedDrive {
+            line: format!("line-{number}"),
+            ..drive_of(&model(), None)
+        };
+        let new = || QualifiedFact {
+            by: "x\n".repeat(100),
+            ..fact(ControlAction::Basic, Finding::Confirmed)
+        };
         for number in 0..DRIVES_MAX {
             kept.record(&place(number), new()).unwrap();
         }

@@ -1,7 +1,8 @@
 //! The configuration ready to use: defaults filled in, all rules checked. Only [`super::load`] creates one.
 
 pub use super::ready_broker::{
-    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource, SparkplugSettings, TlsSettings,
+    BrokerSettings, ClientCertificate, Credentials, MqttSettings, PasswordSource,
+    SparkplugSettings, TlsSettings,
 };
 use super::ready_http::HttpSettings;
 use super::ready_serial::SerialMasterSettings;
@@ -77,7 +78,9 @@ pub struct JournalSettings {
 
 impl Default for JournalSettings {
     fn default() -> Self {
-        Self { max_bytes: 64_000_000 }
+        Self {
+            max_bytes: 64_000_000,
+        }
     }
 }
 
@@ -161,7 +164,11 @@ impl PortAddress {
     /// Which device or server it is, whatever framing it is used with.
     #[must_use]
     pub fn place(&self) -> (Option<&Path>, Option<(&str, u16)>) {
-        let device = if let Self::Device(path) = self { Some(path.as_path()) } else { None };
+        let device = if let Self::Device(path) = self {
+            Some(path.as_path())
+        } else {
+            None
+        };
         (device, self.network())
     }
 
@@ -276,8 +283,10 @@ pub struct ListenerTls {
 }
 
 /// The default networks of Docker and Podman bridges.
-const BRIDGES: [Ipv4Net; 2] =
-    [Ipv4Net::new_assert(Ipv4Addr::new(172, 17, 0, 0), 16), Ipv4Net::new_assert(Ipv4Addr::new(10, 88, 0, 0), 16)];
+const BRIDGES: [Ipv4Net; 2] = [
+    Ipv4Net::new_assert(Ipv4Addr::new(172, 17, 0, 0), 16),
+    Ipv4Net::new_assert(Ipv4Addr::new(10, 88, 0, 0), 16),
+];
 
 /// The warning about a list that names one of [`ListenerSettings::bridges`].
 pub const BEHIND_A_BRIDGE: &str = "behind the bridge of a container every client may come from there, whatever its own address; use the \
@@ -288,21 +297,32 @@ impl ListenerSettings {
     /// may appear under its address, so that the list means every client.
     #[must_use]
     pub fn bridges(&self) -> BTreeSet<IpNet> {
-        let lists = [self.allow.as_ref(), Some(&self.write), self.stop.as_ref()].into_iter().flatten().flatten();
-        let is_bridge = |net: &&IpNet| BRIDGES.iter().any(|bridge| IpNet::V4(*bridge).contains(*net));
+        let lists = [self.allow.as_ref(), Some(&self.write), self.stop.as_ref()]
+            .into_iter()
+            .flatten()
+            .flatten();
+        let is_bridge = |net: &&IpNet| {
+            BRIDGES
+                .iter()
+                .any(|bridge| IpNet::V4(*bridge).contains(*net))
+        };
         lists.filter(is_bridge).copied().collect()
     }
 
     /// Whether this listener serves the drives of the line at index `line`.
     #[must_use]
     pub fn serves(&self, line: usize) -> bool {
-        self.lines.as_ref().is_none_or(|lines| lines.contains(&line))
+        self.lines
+            .as_ref()
+            .is_none_or(|lines| lines.contains(&line))
     }
 
     /// Whether `unit` of such a line answers on this listener.
     #[must_use]
     pub fn answers_at(&self, unit: UnitId) -> bool {
-        self.units.as_ref().is_none_or(|units| units.contains(&unit))
+        self.units
+            .as_ref()
+            .is_none_or(|units| units.contains(&unit))
     }
 }
 

@@ -76,7 +76,10 @@ impl MqttSettings {
     /// The client identifier for a gateway called `gateway`, which is one of `standby`, if there are several.
     #[must_use]
     pub fn client_id(&self, gateway: &Name, standby: Option<&StandbyPair>) -> String {
-        let client_id = self.client_id.clone().unwrap_or_else(|| format!("vfd-gateway-{gateway}"));
+        let client_id = self
+            .client_id
+            .clone()
+            .unwrap_or_else(|| format!("vfd-gateway-{gateway}"));
         of_half(client_id, standby)
     }
 
@@ -84,14 +87,21 @@ impl MqttSettings {
     /// same identifier, so that the broker ends the session of the one before.
     #[must_use]
     pub fn sparkplug_client_id(&self, gateway: &Name) -> String {
-        let own = self.sparkplug.as_ref().and_then(|sparkplug| sparkplug.client_id.clone());
+        let own = self
+            .sparkplug
+            .as_ref()
+            .and_then(|sparkplug| sparkplug.client_id.clone());
         own.unwrap_or_else(|| format!("{}-sparkplug", self.client_id(gateway, None)))
     }
 
     /// The settings of the Sparkplug session for a gateway called `gateway`, which is one of several if `has_standby`;
     /// `None` without Sparkplug.
     #[must_use]
-    pub fn sparkplug_session(&self, gateway: Name, has_standby: bool) -> Option<sparkplug::Settings> {
+    pub fn sparkplug_session(
+        &self,
+        gateway: Name,
+        has_standby: bool,
+    ) -> Option<sparkplug::Settings> {
         let settings = self.sparkplug.as_ref()?;
         Some(sparkplug::Settings {
             group: settings.group.clone(),
@@ -112,10 +122,10 @@ impl MqttSettings {
     #[must_use]
     pub fn session(&self, gateway: Name, standby: Option<StandbyPair>) -> Settings {
         // Announcements must not depend on who makes them, and each has a page of its own.
-        let home_assistant = self
-            .home_assistant
-            .clone()
-            .map(|it| HomeAssistant { page: it.page.clone().filter(|_| standby.is_none()), ..it });
+        let home_assistant = self.home_assistant.clone().map(|it| HomeAssistant {
+            page: it.page.clone().filter(|_| standby.is_none()),
+            ..it
+        });
         Settings {
             prefix: self.prefix.clone(),
             gateway,
@@ -138,7 +148,10 @@ impl MqttSettings {
 
 /// Each of several gateways has a client identifier of its own.
 fn of_half(client_id: String, standby: Option<&StandbyPair>) -> String {
-    standby.map_or_else(|| client_id.clone(), |pair| format!("{client_id}-{}", pair.half))
+    standby.map_or_else(
+        || client_id.clone(),
+        |pair| format!("{client_id}-{}", pair.half),
+    )
 }
 
 /// The address of the broker.
@@ -164,7 +177,9 @@ impl fmt::Display for BrokerSettings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Embedded => f.write_str("embedded"),
-            Self::Tcp { host, port, tls, .. } => {
+            Self::Tcp {
+                host, port, tls, ..
+            } => {
                 let scheme = if tls.is_some() { "mqtts" } else { "mqtt" };
                 if host.contains(':') {
                     write!(f, "{scheme}://[{host}]:{port}")

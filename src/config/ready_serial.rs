@@ -31,6 +31,9 @@ impl SerialMasterSettings {
     /// Whether `other` uses the same port in the same way, so that the port stays open over a change.
     #[must_use]
     pub fn has_port_of(&self, other: &Self) -> bool {
-        Self { serving: other.serving.clone(), ..self.clone() } == *other
+        Self {
+            serving: other.serving.clone(),
+            ..self.clone()
+        } == *other
     }
 }

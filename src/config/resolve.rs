@@ -6,13 +6,13 @@ use super::link::{self, OnLine, Settled};
 use super::mqtt::Defaults;
 use super::qualified::{FILE_NAME, Qualified, Standing};
 use super::ready::{
-    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings, PortAddress, Removal,
-    Silence,
+    Config, DriveSettings, GatewaySettings, JournalSettings, LineSettings, ListenerSettings,
+    PortAddress, Removal, Silence,
 };
 use super::units::{self, Units};
 use super::{
-    acceptance, commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points, port, ratings, serial,
-    standby, watchdog,
+    acceptance, commanders, control, http, line_plan, listen, listener_tls, lists, mqtt, points,
+    port, ratings, serial, standby, watchdog,
 };
 use crate::domain::control::ControlSettings;
 use crate::domain::ids::Station;
@@ -43,7 +43,11 @@ pub(super) struct Models<'a> {
 }
 
 /// The ready configuration; `None` if any part of `file` is unusable, see `problems`.
-pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Config> {
+pub(super) fn resolve(
+    file: &File,
+    models: Models<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Config> {
     unique(file, problems);
     site_is_known(file, models, problems);
     acceptance::trials_are_kept(file, problems);
@@ -53,11 +57,17 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
     let defaults = mqtt::defaults(file);
     let of_mqtt = is_published.then_some(defaults);
     standby::check(file, problems);
-    let parts: Vec<LineParts> = file.lines.iter().map(|line| parts_of(line, models, of_mqtt, problems)).collect();
+    let parts: Vec<LineParts> = file
+        .lines
+        .iter()
+        .map(|line| parts_of(line, models, of_mqtt, problems))
+        .collect();
     let served = listen::settle(file, problems);
     let units = units::settle(file, &served, problems);
     let session_lease = mqtt::session_lease(file, defaults.lease);
-    let mqtt = whole(&file.mqtt, |mqtt| mqtt::settle(mqtt, file, session_lease, problems));
+    let mqtt = whole(&file.mqtt, |mqtt| {
+        mqtt::settle(mqtt, file, session_lease, problems)
+    });
     let http = whole(&file.http, |http| http::settle(http, file, problems));
     listen::units_exist(file, &served, &units, problems);
     commanders::check(file, &served, &units, problems);
@@ -76,9 +86,19 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
             }
         }));
     }
-    let listeners = file.listeners.iter().zip(&served).map(|(it, served)| ready_listener(it, served.clone()));
-    let serial_masters = serial::settle(file, &served[file.listeners.len().min(served.len())..], problems);
-    let journal = whole(&file.journal, |journal| ready_journal(journal, file, problems));
+    let listeners = file
+        .listeners
+        .iter()
+        .zip(&served)
+        .map(|(it, served)| ready_listener(it, served.clone()));
+    let serial_masters = serial::settle(
+        file,
+        &served[file.listeners.len().min(served.len())..],
+        problems,
+    );
+    let journal = whole(&file.journal, |journal| {
+        ready_journal(journal, file, problems)
+    });
     Some(Config {
         journal: journal?.unwrap_or_default(),
         gateway: GatewaySettings {
@@ -101,18 +121,37 @@ pub(super) fn resolve(file: &File, models: Models<'_>, problems: &mut Vec<Proble
 /// Without the file nothing that was tried at a drive counts, which is no reason not to serve the others.
 fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
     if let (Err(why), OptionalKey::Valid(dir)) = (models.site, &file.gateway.data_dir) {
-        let what = format!("{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}");
-        problems.push(dir.location.problem(what).right("the file as it was, or none and new trials").warning());
+        let what = format!(
+            "{FILE_NAME} there cannot be used, so nothing that was qualified counts: {why}"
+        );
+        problems.push(
+            dir.location
+                .problem(what)
+                .right("the file as it was, or none and new trials")
+                .warning(),
+        );
     }
 }
 
 /// A journal requires a data directory.
-fn ready_journal(journal: &JournalFile, file: &File, problems: &mut Vec<Problem>) -> Option<JournalSettings> {
+fn ready_journal(
+    journal: &JournalFile,
+    file: &File,
+    problems: &mut Vec<Problem>,
+) -> Option<JournalSettings> {
     if matches!(file.gateway.data_dir, OptionalKey::Absent) {
-        let problem = journal.location.problem("has no effect: there is no journal without a data directory");
-        problems.push(problem.right("`data_dir` in `[gateway]`, or no `[journal]`").warning());
+        let problem = journal
+            .location
+            .problem("has no effect: there is no journal without a data directory");
+        problems.push(
+            problem
+                .right("`data_dir` in `[gateway]`, or no `[journal]`")
+                .warning(),
+        );
     }
-    Some(JournalSettings { max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)? })
+    Some(JournalSettings {
+        max_bytes: journal.max_size.or(JournalSettings::default().max_bytes)?,
+    })
 }
 
 /// The table converted by `settle`: `Some(None)` if it is left out; `None` if it is invalid, see `problems`.
@@ -141,7 +180,11 @@ struct DriveParts {
 /// Names of lines, names of drives and ports are unique.
 fn unique(file: &File, problems: &mut Vec<Problem>) {
     let line_names = file.lines.iter().filter_map(|line| line.name.as_ref());
-    let drive_names = file.lines.iter().flat_map(|line| &line.drives).filter_map(|drive| drive.name.as_ref());
+    let drive_names = file
+        .lines
+        .iter()
+        .flat_map(|line| &line.drives)
+        .filter_map(|drive| drive.name.as_ref());
     let ports = file.lines.iter().filter_map(|line| line.port.as_ref());
     let ports = ports.chain(file.serial.iter().filter_map(|serial| serial.port.as_ref()));
     let master_names = file.serial.iter().filter_map(|serial| serial.name.as_ref());
@@ -152,7 +195,13 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
         "a name that no other serial master uses",
         problems,
     );
-    once(line_names, |name| name, |name| format!("the name `{name}`"), "a name that no other line uses", problems);
+    once(
+        line_names,
+        |name| name,
+        |name| format!("the name `{name}`"),
+        "a name that no other line uses",
+        problems,
+    );
     once(
         drive_names,
         |name| name,
@@ -161,11 +210,28 @@ fn unique(file: &File, problems: &mut Vec<Problem>) {
         problems,
     );
     let right = "a different port; drives on one bus belong to one line";
-    once(ports, PortAddress::place, |port| format!("the port {port}"), right, problems);
-    let model_dirs = file.gateway.model_dirs.valid().map_or(&[][..], |dirs| &dirs.value);
+    once(
+        ports,
+        PortAddress::place,
+        |port| format!("the port {port}"),
+        right,
+        problems,
+    );
+    let model_dirs = file
+        .gateway
+        .model_dirs
+        .valid()
+        .map_or(&[][..], |dirs| &dirs.value);
     for (at, dir) in model_dirs.iter().enumerate() {
-        if model_dirs.iter().take(at).any(|earlier| earlier.value == dir.value) {
-            let problem = dir.location.problem(format!("the directory {} is listed twice", dir.value.display()));
+        if model_dirs
+            .iter()
+            .take(at)
+            .any(|earlier| earlier.value == dir.value)
+        {
+            let problem = dir.location.problem(format!(
+                "the directory {} is listed twice",
+                dir.value.display()
+            ));
             problems.push(problem.right("each directory once").warning());
         }
     }
@@ -193,8 +259,17 @@ fn once<'a, T: 'a, K: Ord>(
 
 /// Looks up the models of a line and checks the rules within that line.
 /// `of_mqtt` holds the drives' defaults from `[mqtt]`, if there is one.
-fn parts_of(line: &LineFile, models: Models<'_>, of_mqtt: Option<Defaults>, problems: &mut Vec<Problem>) -> LineParts {
-    let drives: Vec<_> = line.drives.iter().map(|drive| drive_parts(line, drive, models, of_mqtt, problems)).collect();
+fn parts_of(
+    line: &LineFile,
+    models: Models<'_>,
+    of_mqtt: Option<Defaults>,
+    problems: &mut Vec<Problem>,
+) -> LineParts {
+    let drives: Vec<_> = line
+        .drives
+        .iter()
+        .map(|drive| drive_parts(line, drive, models, of_mqtt, problems))
+        .collect();
     stations(line, &drives, problems);
     alone_on_rs232(line, problems);
     port::check(line, problems);
@@ -219,32 +294,71 @@ fn drive_parts(
     let model = model_of(drive, models, problems);
     let model = full_scale::settle(drive, model, problems);
     let standing = standing(line, drive, model.as_deref(), models);
-    let control = control::settle((line, drive), model.as_deref(), of_mqtt.unwrap_or_default(), &standing, problems);
+    let control = control::settle(
+        (line, drive),
+        model.as_deref(),
+        of_mqtt.unwrap_or_default(),
+        &standing,
+        problems,
+    );
     let ratings = ratings::settle(drive, model.as_deref(), problems);
     let points = points::settle(drive, model.as_deref(), of_mqtt.is_some(), problems);
-    DriveParts { model, control, ratings, points }
+    DriveParts {
+        model,
+        control,
+        ratings,
+        points,
+    }
 }
 
 /// What was tried at `drive`.
-fn standing(line: &LineFile, drive: &DriveFile, model: Option<&Model>, models: Models<'_>) -> Standing {
-    let Ok(site) = models.site else { return Standing::Unreadable };
-    let (Some(line), Some(station), Some(model)) = (&line.name, &drive.station, model) else { return Standing::Never };
+fn standing(
+    line: &LineFile,
+    drive: &DriveFile,
+    model: Option<&Model>,
+    models: Models<'_>,
+) -> Standing {
+    let Ok(site) = models.site else {
+        return Standing::Unreadable;
+    };
+    let (Some(line), Some(station), Some(model)) = (&line.name, &drive.station, model) else {
+        return Standing::Never;
+    };
     site.standing(line.value.as_str(), station.value, model)
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
-    let rs232 = line.interface.valid().filter(|interface| interface.value == Interface::Rs232);
+    let rs232 = line
+        .interface
+        .valid()
+        .filter(|interface| interface.value == Interface::Rs232);
     if let Some(rs232) = rs232.filter(|_| line.drives.len() > 1) {
-        let what = format!("RS-232 carries one drive, and this line has {}", line.drives.len());
-        problems.push(rs232.location.problem(what).right("\"rs485\", or a line for each drive"));
+        let what = format!(
+            "RS-232 carries one drive, and this line has {}",
+            line.drives.len()
+        );
+        problems.push(
+            rs232
+                .location
+                .problem(what)
+                .right("\"rs485\", or a line for each drive"),
+        );
     }
 }
 
 /// The model of a drive, with the registers that the file adds.
-fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) -> Option<Arc<Model>> {
+fn model_of(
+    drive: &DriveFile,
+    models: Models<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Arc<Model>> {
     let written = drive.model.as_ref()?;
     let Some(model) = models.catalog.find(&written.value).cloned() else {
-        problems.extend(models.are_all.then(|| unknown_model(written, models.catalog)));
+        problems.extend(
+            models
+                .are_all
+                .then(|| unknown_model(written, models.catalog)),
+        );
         return None;
     };
     if drive.registers.is_empty() {
@@ -254,8 +368,13 @@ fn model_of(drive: &DriveFile, models: Models<'_>, problems: &mut Vec<Problem>) 
 }
 
 fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
-    let problem = written.location.problem(format!("there is no model `{}`", written.value));
-    let near: Vec<_> = nearest_names(&written.value, catalog.ids()).iter().map(|near| format!("\"{near}\"")).collect();
+    let problem = written
+        .location
+        .problem(format!("there is no model `{}`", written.value));
+    let near: Vec<_> = nearest_names(&written.value, catalog.ids())
+        .iter()
+        .map(|near| format!("\"{near}\""))
+        .collect();
     if !near.is_empty() {
         return problem.right(alternatives(&near));
     }
@@ -270,21 +389,40 @@ fn unknown_model(written: &Spanned<String>, catalog: &Catalog) -> Problem {
 fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) {
     let mut owners: BTreeMap<Station, &DriveFile> = BTreeMap::new();
     for (drive, parts) in line.drives.iter().zip(parts) {
-        let Some(station) = &drive.station else { continue };
+        let Some(station) = &drive.station else {
+            continue;
+        };
         if port::is_modbus_tcp(line) {
             is_a_unit(station, problems);
-        } else if let Some(model) = parts.model.as_ref().filter(|it| !it.link.stations.value.contains(&station.value.0))
+        } else if let Some(model) = parts
+            .model
+            .as_ref()
+            .filter(|it| !it.link.stations.value.contains(&station.value.0))
         {
             let range = &model.link.stations.value;
             let what = format!("station {} cannot be set on {}", station.value, model.id);
-            problems.push(station.location.problem(what).right(format!("{} to {}", range.start(), range.end())));
+            problems.push(station.location.problem(what).right(format!(
+                "{} to {}",
+                range.start(),
+                range.end()
+            )));
         }
         let Some(owner) = owners.get(&station.value) else {
             owners.insert(station.value, drive);
             continue;
         };
-        let what = format!("{} and {} both use station {}", owner.label(), drive.label(), station.value);
-        problems.push(station.location.problem(what).right("a station that no other drive on the line uses"));
+        let what = format!(
+            "{} and {} both use station {}",
+            owner.label(),
+            drive.label(),
+            station.value
+        );
+        problems.push(
+            station
+                .location
+                .problem(what)
+                .right("a station that no other drive on the line uses"),
+        );
     }
 }
 
@@ -292,7 +430,9 @@ fn stations(line: &LineFile, parts: &[DriveParts], problems: &mut Vec<Problem>) 
 /// guide V1.0b, 4.4.2.1): 255 and 0 stand for the device itself.
 fn is_a_unit(station: &Spanned<Station>, problems: &mut Vec<Problem>) {
     if (248..=254).contains(&station.value.0) {
-        let problem = station.location.problem(format!("the unit {} is reserved", station.value));
+        let problem = station
+            .location
+            .problem(format!("the unit {} is reserved", station.value));
         problems.push(problem.right("0 to 247, or 255, as the drive or the converter is set"));
     }
 }
@@ -303,7 +443,11 @@ fn ready_line(
     units: &[Units],
     pair: Option<&Option<StandbyPair>>,
 ) -> Option<LineSettings> {
-    let Settled { link, framing, interface } = parts.settled?;
+    let Settled {
+        link,
+        framing,
+        interface,
+    } = parts.settled?;
     let shared = Shared {
         framing,
         reply_timeout: line.reply_timeout.or(None)?,
@@ -317,10 +461,13 @@ fn ready_line(
         port: line.port.as_ref()?.value.clone(),
         link,
         interface,
-        direction: line
-            .direction
-            .or(DirectionControl::Adapter)
-            .map(|turned| if is_turned { turned } else { DirectionControl::Adapter })?,
+        direction: line.direction.or(DirectionControl::Adapter).map(|turned| {
+            if is_turned {
+                turned
+            } else {
+                DirectionControl::Adapter
+            }
+        })?,
         low_latency: line.low_latency.or(true)?,
         framing,
         echo: line.echo.or(EchoPolicy::Refuse)?,
@@ -328,7 +475,11 @@ fn ready_line(
         min_request_gap: line.min_request_gap.or(Duration::ZERO)?,
         reply_timeout: shared.reply_timeout,
         max_status_age: line.max_status_age.or(line_plan::DEFAULT_STATUS_AGE)?,
-        standby: if line.standby.or(false)? { pair?.clone() } else { None },
+        standby: if line.standby.or(false)? {
+            pair?.clone()
+        } else {
+            None
+        },
         drives: drives.collect::<Option<Vec<_>>>()?,
     })
 }
@@ -342,7 +493,12 @@ struct Shared {
     max_lateness: Duration,
 }
 
-fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units) -> Option<DriveSettings> {
+fn ready_drive(
+    drive: &DriveFile,
+    parts: DriveParts,
+    line: &Shared,
+    units: Units,
+) -> Option<DriveSettings> {
     let model = match line.framing {
         Framing::Rtu | Framing::Mbap => parts.model?,
         Framing::Ascii => Arc::new(parts.model?.on(line.framing)),
@@ -355,7 +511,11 @@ fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units
         group: drive.group.clone().optional()?,
         poll: drive.poll.or(DEFAULT_POLL)?,
         reply_timeout: drive.reply_timeout.or(line.reply_timeout)?,
-        max_lateness: drive.max_lateness.or(model.timing.max_lateness.value.max(line.max_lateness))?,
+        max_lateness: drive.max_lateness.or(model
+            .timing
+            .max_lateness
+            .value
+            .max(line.max_lateness))?,
         control: parts.control?,
         ratings: parts.ratings?,
         points: parts.points?,
@@ -364,7 +524,11 @@ fn ready_drive(drive: &DriveFile, parts: DriveParts, line: &Shared, units: Units
 }
 
 fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<ListenerSettings> {
-    let lines = listener.lines.clone().optional()?.map(|_| served.into_iter().collect());
+    let lines = listener
+        .lines
+        .clone()
+        .optional()?
+        .map(|_| served.into_iter().collect());
     let stop = match &listener.stop {
         OptionalKey::Absent => None,
         given => Some(lists::values(given)?),
@@ -387,10 +551,16 @@ fn ready_listener(listener: &ListenerFile, served: BTreeSet<usize>) -> Option<Li
             OptionalKey::Absent => None,
             given => Some(lists::values(given)?),
         },
-        connections_max: listener.connections_max.clone().optional()?.map(|most| most as usize),
+        connections_max: listener
+            .connections_max
+            .clone()
+            .optional()?
+            .map(|most| most as usize),
         priority: lists::values(&listener.priority)?,
-        idle_timeout: Some(listener.idle_timeout.or(Limits::IDLE_TIMEOUT)?).filter(|time| !time.is_zero()),
-        keep_alive: Some(listener.keep_alive.or(listen::DEFAULT_KEEP_ALIVE)?).filter(|time| !time.is_zero()),
+        idle_timeout: Some(listener.idle_timeout.or(Limits::IDLE_TIMEOUT)?)
+            .filter(|time| !time.is_zero()),
+        keep_alive: Some(listener.keep_alive.or(listen::DEFAULT_KEEP_ALIVE)?)
+            .filter(|time| !time.is_zero()),
         tls,
     })
 }

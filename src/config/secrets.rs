@@ -32,9 +32,13 @@ pub fn without_secrets(text: &str) -> String {
 pub(super) fn hide_in(problems: &mut [Problem], text: &str) {
     let words = Secrets::of(text).0.words;
     for problem in problems {
-        let Problem { key, what, right, .. } = problem;
+        let Problem {
+            key, what, right, ..
+        } = problem;
         for said in [what].into_iter().chain(right) {
-            *said = words.iter().fold(std::mem::take(said), |said, word| without_word(said, word));
+            *said = words
+                .iter()
+                .fold(std::mem::take(said), |said, word| without_word(said, word));
         }
         // The names of keys may be words of values. Only a hash is a secret there.
         let hashes = words.iter().filter(|word| word.contains(HASH));
@@ -46,10 +50,19 @@ pub(super) fn hide_in(problems: &mut [Problem], text: &str) {
 fn without_word(mut said: String, secret: &str) -> String {
     let lower = secret.to_ascii_lowercase();
     let mut from = 0;
-    while let Some(at) = said.get(from..).and_then(|rest| rest.to_ascii_lowercase().find(&lower)) {
+    while let Some(at) = said
+        .get(from..)
+        .and_then(|rest| rest.to_ascii_lowercase().find(&lower))
+    {
         let place = from + at..from + at + lower.len();
-        let (before, after) = (said[..place.start].chars().next_back(), said[place.end..].chars().next());
-        let is_part = [before, after].into_iter().flatten().any(char::is_alphanumeric);
+        let (before, after) = (
+            said[..place.start].chars().next_back(),
+            said[place.end..].chars().next(),
+        );
+        let is_part = [before, after]
+            .into_iter()
+            .flatten()
+            .any(char::is_alphanumeric);
         if is_part && secret.len() < WORD_LEAST {
             from = place.end;
         } else {
@@ -73,10 +86,16 @@ impl<'a> Secrets<'a> {
     /// Those of `text`, and whether it is no TOML.
     fn of(text: &'a str) -> (Self, bool) {
         let (root, errors) = DeTable::parse_recoverable(text);
-        let mut secrets = Self { text, spans: Vec::new(), words: Vec::new() };
+        let mut secrets = Self {
+            text,
+            spans: Vec::new(),
+            words: Vec::new(),
+        };
         secrets.look_at_table(root.get_ref(), false);
         secrets.words.retain(|word| !word.is_empty());
-        secrets.words.sort_by_key(|word| std::cmp::Reverse(word.len()));
+        secrets
+            .words
+            .sort_by_key(|word| std::cmp::Reverse(word.len()));
         (secrets, !errors.is_empty())
     }
 
@@ -85,7 +104,10 @@ impl<'a> Secrets<'a> {
             if key.get_ref().contains(HASH) {
                 self.hide(key.span(), key.get_ref());
             }
-            let is_name = value.get_ref().as_str().is_some_and(|value| names_a_secret(key.get_ref(), value));
+            let is_name = value
+                .get_ref()
+                .as_str()
+                .is_some_and(|value| names_a_secret(key.get_ref(), value));
             self.look_at(value, is_secret || is_secret_key(key.get_ref()) && !is_name);
         }
     }
@@ -93,9 +115,13 @@ impl<'a> Secrets<'a> {
     fn look_at(&mut self, value: &toml::Spanned<DeValue<'_>>, is_secret: bool) {
         match value.get_ref() {
             DeValue::Table(table) => self.look_at_table(table, is_secret),
-            DeValue::Array(values) => values.iter().for_each(|value| self.look_at(value, is_secret)),
+            DeValue::Array(values) => values
+                .iter()
+                .for_each(|value| self.look_at(value, is_secret)),
             DeValue::Boolean(_) => {}
-            DeValue::String(text) if is_secret || text.contains(HASH) => self.hide(value.span(), text),
+            DeValue::String(text) if is_secret || text.contains(HASH) => {
+                self.hide(value.span(), text)
+            }
             DeValue::String(text) => self.look_at_url(value.span(), text),
             _ if is_secret => {
                 let written = self.text.get(value.span()).unwrap_or_default();
@@ -107,25 +133,41 @@ impl<'a> Secrets<'a> {
 
     fn hide(&mut self, span: Range<usize>, secret: &str) {
         self.spans.push(span);
-        self.words.extend([secret.trim().to_owned(), secret.trim().escape_debug().to_string()]);
+        self.words.extend([
+            secret.trim().to_owned(),
+            secret.trim().escape_debug().to_string(),
+        ]);
     }
 
     /// The user, the password and the query of a URL, or all of it where they are not written as they are meant.
     fn look_at_url(&mut self, span: Range<usize>, value: &str) {
-        for secret in [user_in_value(value), query_in(value)].into_iter().flatten() {
-            let written = self.text.get(span.clone()).and_then(|written| written.find(secret));
+        for secret in [user_in_value(value), query_in(value)]
+            .into_iter()
+            .flatten()
+        {
+            let written = self
+                .text
+                .get(span.clone())
+                .and_then(|written| written.find(secret));
             let place = written.map(|at| span.start + at..span.start + at + secret.len());
             self.hide(place.unwrap_or_else(|| span.clone()), secret);
             // A message may name a part.
-            self.words.extend(secret.split([':', '@', '&', '=']).skip(1).map(str::to_owned));
+            self.words.extend(
+                secret
+                    .split([':', '@', '&', '='])
+                    .skip(1)
+                    .map(str::to_owned),
+            );
         }
     }
 }
 
 /// Whether the `value` of `key` may be the name of a file or of a variable, and not what belongs there.
 fn names_a_secret(key: &str, value: &str) -> bool {
-    let is_of_variable = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b'_';
-    (key.ends_with("_file") && value.starts_with('/')) || (key.ends_with("_env") && value.bytes().all(is_of_variable))
+    let is_of_variable =
+        |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b'_';
+    (key.ends_with("_file") && value.starts_with('/'))
+        || (key.ends_with("_env") && value.bytes().all(is_of_variable))
 }
 
 /// Whether `key` is or may be meant as one whose value is secret.
@@ -133,8 +175,10 @@ fn is_secret_key(key: &str) -> bool {
     let key = key.to_ascii_lowercase();
     // Short words are near to many.
     let is_misspelt = |part: &str| part.len() > 4 && nearest(part, SECRET_KEYS).is_some();
-    let is_near = |part: &str| is_misspelt(part) || ["pass", "pw"].iter().any(|it| part.starts_with(it));
-    SECRET_KEYS.iter().any(|word| key.contains(word)) || key.split(['_', '-', '.', ' ']).any(is_near)
+    let is_near =
+        |part: &str| is_misspelt(part) || ["pass", "pw"].iter().any(|it| part.starts_with(it));
+    SECRET_KEYS.iter().any(|word| key.contains(word))
+        || key.split(['_', '-', '.', ' ']).any(is_near)
 }
 
 /// The user and the password before the host, also where the scheme is misspelt.
@@ -144,14 +188,23 @@ fn user_in_value(value: &str) -> Option<&str> {
 
 /// The query of a URL.
 fn query_in(value: &str) -> Option<&str> {
-    value.split_once('?').map(|(_, query)| query).filter(|query| !query.is_empty())
+    value
+        .split_once('?')
+        .map(|(_, query)| query)
+        .filter(|query| !query.is_empty())
 }
 
 /// `text` with stars in place of `span`, line ends aside, so that all lines stay where they are.
 fn starred(text: &str, span: Range<usize>) -> String {
     let (before, rest) = text.split_at_checked(span.start).unwrap_or((text, ""));
     let (secret, after) = rest.split_at_checked(span.len()).unwrap_or((rest, ""));
-    let star = |c: char| if matches!(c, '\n' | '\r') { c.to_string() } else { "*".repeat(c.len_utf8()) };
+    let star = |c: char| {
+        if matches!(c, '\n' | '\r') {
+            c.to_string()
+        } else {
+            "*".repeat(c.len_utf8())
+        }
+    };
     [before, &secret.chars().map(star).collect::<String>(), after].concat()
 }
 
@@ -165,7 +218,9 @@ fn by_line(text: &str, is_broken: bool) -> String {
         if goes_on {
             return starred(line, 0..line.len());
         }
-        let Some(span) = secret_in(line) else { return line.to_owned() };
+        let Some(span) = secret_in(line) else {
+            return line.to_owned();
+        };
         goes_on = true;
         starred(line, span)
     });
@@ -175,14 +230,19 @@ fn by_line(text: &str, is_broken: bool) -> String {
 /// Whether `line` begins with a header or a key, also behind the mark of a comment.
 fn begins_entry(line: &str) -> bool {
     let line = line.trim_start_matches([' ', '\t', '#']);
-    let is_of_key = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '.');
+    let is_of_key =
+        |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || matches!(c, '_' | '.');
     let key = line.split_once(" = ").map(|(key, _)| key.trim());
     line.starts_with('[') || key.is_some_and(|key| !key.is_empty() && key.chars().all(is_of_key))
 }
 
 /// What must not be shown of `line`: from a password or a hash to its end, or the user and password of a URL.
 fn secret_in(line: &str) -> Option<Range<usize>> {
-    if let Some(begin) = [password_in(line), line.find(HASH)].into_iter().flatten().min() {
+    if let Some(begin) = [password_in(line), line.find(HASH)]
+        .into_iter()
+        .flatten()
+        .min()
+    {
         return Some(begin..line.trim_end().len());
     }
     user_in(line)
@@ -198,10 +258,14 @@ fn user_in(text: &str) -> Option<Range<usize>> {
 /// Where the value of the first key `password` or `password_hash` begins, also in an inline table and in quotes.
 fn password_in(line: &str) -> Option<usize> {
     line.match_indices("password").find_map(|(at, word)| {
-        let is_whole = !line[..at].ends_with(|before: char| before == '_' || before.is_alphanumeric());
+        let is_whole =
+            !line[..at].ends_with(|before: char| before == '_' || before.is_alphanumeric());
         let rest = &line[at + word.len()..];
         let rest = rest.strip_prefix("_hash").unwrap_or(rest);
-        let value = rest.trim_start_matches(['"', '\'']).trim_start().strip_prefix('=')?;
+        let value = rest
+            .trim_start_matches(['"', '\''])
+            .trim_start()
+            .strip_prefix('=')?;
         is_whole.then_some(line.len() - value.len())
     })
 }
@@ -215,7 +279,10 @@ mod tests {
         let shown = without_secrets(text);
         assert_eq!(shown.len(), text.len());
         assert_eq!(shown.matches('\n').count(), text.matches('\n').count());
-        assert!(!shown.contains("hunter") && !shown.contains("ünter"), "{shown}");
+        assert!(
+            !shown.contains("hunter") && !shown.contains("ünter"),
+            "{shown}"
+        );
         shown
     }
 
@@ -226,8 +293,14 @@ mod tests {
              password_hash = \"$argon2id$v=19$hunter\"\nlist = [{ name = \"a\", password_hash = \"hunter3\" }]\n\
              allow_plain_password = true\n[x]\n\"password\" = \"hunter4\"\n\"$argon2id$v=19$hunter5\" = 1\n",
         );
-        assert!(!shown.contains("user") && shown.contains("@host\" # x") && shown.contains("/run/pw"), "{shown}");
-        assert!(shown.contains("name = \"a\"") && shown.contains("allow_plain_password = true"), "{shown}");
+        assert!(
+            !shown.contains("user") && shown.contains("@host\" # x") && shown.contains("/run/pw"),
+            "{shown}"
+        );
+        assert!(
+            shown.contains("name = \"a\"") && shown.contains("allow_plain_password = true"),
+            "{shown}"
+        );
     }
 
     #[test]
@@ -241,10 +314,18 @@ mod tests {
             port("tcp://u:Hunter2@127.0.0.1:4001x"),
             port("tcp//u:hunter2@127.0.0.1"),
             format!("{usual}[mqtt]\nbroker = \"mqtt://host:1883?password=hunter2\"\n"),
-            format!("{usual}[mqtt]\nbroker = \"mqtt:user:hunter2@broker\"\nalso_at = [\"mqtt://x:hunter3@y:z\"]\n"),
-            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_file = \"hunter2\"\n"),
-            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_env = \"hunter2 x\"\n"),
-            format!("{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npasword = \"hunter2\"\n"),
+            format!(
+                "{usual}[mqtt]\nbroker = \"mqtt:user:hunter2@broker\"\nalso_at = [\"mqtt://x:hunter3@y:z\"]\n"
+            ),
+            format!(
+                "{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_file = \"hunter2\"\n"
+            ),
+            format!(
+                "{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npassword_env = \"hunter2 x\"\n"
+            ),
+            format!(
+                "{usual}[mqtt]\nbroker = \"mqtt://host\"\nuser = \"u\"\npasword = \"hunter2\"\n"
+            ),
             format!("{usual}{http}pasword_hash = \"hunter2\"\npw = \"hunter3\"\n"),
             format!("{usual}{http}password_hash = \"hunter2\"\n"),
             format!("{usual}{http}password_hash_file = \"hunter2\"\n"),
@@ -254,16 +335,29 @@ mod tests {
             let said = format!("{problems:?}").to_lowercase();
             assert!(!said.contains("hunter2"), "{text}: {said}");
         }
-        let known = crate::config::keys::KEYS.iter().map(|key| key.name).filter(|key| is_secret_key(key));
-        assert!(known.clone().all(|key| key.contains("password")), "{:?}", known.collect::<Vec<_>>());
+        let known = crate::config::keys::KEYS
+            .iter()
+            .map(|key| key.name)
+            .filter(|key| is_secret_key(key));
+        assert!(
+            known.clone().all(|key| key.contains("password")),
+            "{:?}",
+            known.collect::<Vec<_>>()
+        );
         let file = "password_file = \"/run/secrets/mqtt\"\n";
         assert_eq!(without_secrets(file), file);
     }
 
     #[test]
     fn a_short_secret_is_hidden_as_a_word() {
-        assert_eq!(without_word("`ab` is no table".to_owned(), "ab"), "`***` is no table");
-        assert_eq!(without_word("Hunter2 and hunter2s".to_owned(), "hunter2"), "*** and ***s");
+        assert_eq!(
+            without_word("`ab` is no table".to_owned(), "ab"),
+            "`***` is no table"
+        );
+        assert_eq!(
+            without_word("Hunter2 and hunter2s".to_owned(), "hunter2"),
+            "*** and ***s"
+        );
     }
 
     #[test]
@@ -275,11 +369,22 @@ mod tests {
             "\"hunter#2\"",
             "[\n  \"hunter2\",\n  \"hunter3\",\n]",
         ] {
-            for key in ["password_hash", "\"password\"", "\"pass\\u0077ord\"", "a.password", "api_token"] {
+            for key in [
+                "password_hash",
+                "\"password\"",
+                "\"pass\\u0077ord\"",
+                "a.password",
+                "api_token",
+            ] {
                 let shown = shown(&format!("name = \"a\"\n{key} = {value}\nafter = 7\n"));
-                assert!(shown.contains("name = \"a\"") && shown.ends_with("\nafter = 7\n"), "{shown}");
+                assert!(
+                    shown.contains("name = \"a\"") && shown.ends_with("\nafter = 7\n"),
+                    "{shown}"
+                );
             }
-            shown(&format!("list = [{{ name = \"a\", password_hash = {value} }},\n {{ name = \"b\" }}]\n"));
+            shown(&format!(
+                "list = [{{ name = \"a\", password_hash = {value} }},\n {{ name = \"b\" }}]\n"
+            ));
         }
         // A hash shows itself under any key, and a URL with an escaped sign in its user.
         shown("note = \"\"\"$argon2id$v=19$\\\n    hunter2\"\"\"\n");
@@ -288,17 +393,25 @@ mod tests {
 
     #[test]
     fn a_comment_hides_nothing_less() {
-        let shown =
-            shown("# password_hash = \"\"\"$argon2id$v=19$\\\n#   hunter2\"\"\"\n# baud = 9600\nbaud = 1\n# text\n");
-        assert!(shown.ends_with("# baud = 9600\nbaud = 1\n# text\n"), "{shown}");
+        let shown = shown(
+            "# password_hash = \"\"\"$argon2id$v=19$\\\n#   hunter2\"\"\"\n# baud = 9600\nbaud = 1\n# text\n",
+        );
+        assert!(
+            shown.ends_with("# baud = 9600\nbaud = 1\n# text\n"),
+            "{shown}"
+        );
     }
 
     #[test]
     fn a_text_that_is_no_toml_hides_the_rest_of_a_value_too() {
-        let begun = "name = \"a\"\nx = \npassword_hash = \"\"\"$argon2id$v=19$\\\n  hunter2=\"\"\"\n";
+        let begun =
+            "name = \"a\"\nx = \npassword_hash = \"\"\"$argon2id$v=19$\\\n  hunter2=\"\"\"\n";
         for end in ["[[line]]\nname = \"b\"\n", "baud = 9600\n"] {
             let shown = shown(&format!("{begun}{end}"));
-            assert!(shown.starts_with("name = \"a\"") && shown.ends_with(end), "{shown}");
+            assert!(
+                shown.starts_with("name = \"a\"") && shown.ends_with(end),
+                "{shown}"
+            );
         }
         shown("password = \"hunter2\n");
         shown("password = hunter2\n");

@@ -22,14 +22,31 @@ pub(super) fn settle(
     served: &[BTreeSet<usize>],
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<SerialMasterSettings>> {
-    let ready: Vec<_> = file.serial.iter().zip(served).map(|(serial, lines)| one(serial, lines, problems)).collect();
+    let ready: Vec<_> = file
+        .serial
+        .iter()
+        .zip(served)
+        .map(|(serial, lines)| one(serial, lines, problems))
+        .collect();
     ready.into_iter().collect()
 }
 
-fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>) -> Option<SerialMasterSettings> {
-    if let Some(port) = serial.port.as_ref().filter(|port| !port.value.is_serial_line()) {
-        let problem = port.location.problem("a serial master is not reached over Modbus TCP");
-        problems.push(problem.right("its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`"));
+fn one(
+    serial: &SerialFile,
+    lines: &BTreeSet<usize>,
+    problems: &mut Vec<Problem>,
+) -> Option<SerialMasterSettings> {
+    if let Some(port) = serial
+        .port
+        .as_ref()
+        .filter(|port| !port.value.is_serial_line())
+    {
+        let problem = port
+            .location
+            .problem("a serial master is not reached over Modbus TCP");
+        problems.push(problem.right(
+            "its serial device or `tcp://`; Modbus TCP clients connect to a `[[modbus_tcp]]`",
+        ));
         return None;
     }
     may_stop(serial, problems);
@@ -38,13 +55,25 @@ fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>
     if let (OptionalKey::Valid(bits), Some(Framing::Rtu)) = (&serial.data_bits, framing)
         && bits.value != 8
     {
-        problems.push(bits.location.problem("RTU frames need 8 data bits").right("8, or leave it out"));
+        problems.push(
+            bits.location
+                .problem("RTU frames need 8 data bits")
+                .right("8, or leave it out"),
+        );
         return None;
     }
-    let is_tcp = matches!(&serial.port, Some(port) if matches!(port.value, PortAddress::Tcp { .. }));
+    let is_tcp =
+        matches!(&serial.port, Some(port) if matches!(port.value, PortAddress::Tcp { .. }));
     if let Some(direction) = serial.direction.valid().filter(|_| is_tcp) {
-        let what = "has no effect: the direction is turned by the serial device server, not from here";
-        problems.push(direction.location.problem(what).right("leave it out").warning());
+        let what =
+            "has no effect: the direction is turned by the serial device server, not from here";
+        problems.push(
+            direction
+                .location
+                .problem(what)
+                .right("leave it out")
+                .warning(),
+        );
     }
     let link = LinkSettings {
         baud: serial.baud.as_ref()?.value,
@@ -63,8 +92,16 @@ fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>
             "{} is too short at {link}: the silence before an exception and the exception itself take longer",
             duration_text(answer_within)
         );
-        let rounded = Duration::from_millis(u64::try_from(least.as_millis()).unwrap_or(u64::MAX).saturating_add(1));
-        problems.push(location.problem(what).right(format!("at least \"{}\"", duration_text(rounded))));
+        let rounded = Duration::from_millis(
+            u64::try_from(least.as_millis())
+                .unwrap_or(u64::MAX)
+                .saturating_add(1),
+        );
+        problems.push(
+            location
+                .problem(what)
+                .right(format!("at least \"{}\"", duration_text(rounded))),
+        );
         return None;
     }
     let direction = serial.direction.or(DirectionControl::Adapter)?;
@@ -73,7 +110,11 @@ fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>
         port: serial.port.as_ref()?.value.clone(),
         link,
         framing: framing?,
-        direction: if is_tcp { DirectionControl::Adapter } else { direction },
+        direction: if is_tcp {
+            DirectionControl::Adapter
+        } else {
+            direction
+        },
         low_latency: serial.low_latency.or(true)?,
         answer_within,
         serving: serving(serial, lines)?,
@@ -82,11 +123,14 @@ fn one(serial: &SerialFile, lines: &BTreeSet<usize>, problems: &mut Vec<Problem>
 
 /// Who may start must be allowed to stop.
 fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
-    if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) = (&serial.allow_write, &serial.allow_stop)
+    if let (OptionalKey::Valid(write), OptionalKey::Valid(stop)) =
+        (&serial.allow_write, &serial.allow_stop)
         && write.value
         && !stop.value
     {
-        let problem = stop.location.problem("a master that may start must be allowed to stop");
+        let problem = stop
+            .location
+            .problem("a master that may start must be allowed to stop");
         problems.push(problem.right("true, or leave it out"));
     }
 }
@@ -94,9 +138,20 @@ fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
 /// Only who may write has a lease to renew.
 fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
     let may_write = !matches!(serial.allow_write.or(false), Some(false));
-    if let Some(renew) = serial.serving.reads_renew.valid().filter(|renew| renew.value && !may_write) {
+    if let Some(renew) = serial
+        .serving
+        .reads_renew
+        .valid()
+        .filter(|renew| renew.value && !may_write)
+    {
         let what = "has no effect: the master may not write, so there is no lease to renew";
-        problems.push(renew.location.problem(what).right("`allow_write = true`, or leave it out").warning());
+        problems.push(
+            renew
+                .location
+                .problem(what)
+                .right("`allow_write = true`, or leave it out")
+                .warning(),
+        );
     }
 }
 
@@ -105,7 +160,11 @@ fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSetti
     Some(ListenerSettings {
         listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
         allow: None,
-        lines: file.lines.clone().optional()?.map(|_| lines.iter().copied().collect()),
+        lines: file
+            .lines
+            .clone()
+            .optional()?
+            .map(|_| lines.iter().copied().collect()),
         write: lists::values(&file.write)?,
         stop: match &file.stop {
             OptionalKey::Absent => None,

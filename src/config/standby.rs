@@ -14,17 +14,30 @@ use crate::wire::signal;
 use std::time::Duration;
 
 /// The pair of `standby`; `None` if it is invalid, see `problems`.
-pub(super) fn settle(standby: &StandbyFile, file: &File, problems: &mut Vec<Problem>) -> Option<StandbyPair> {
+pub(super) fn settle(
+    standby: &StandbyFile,
+    file: &File,
+    problems: &mut Vec<Problem>,
+) -> Option<StandbyPair> {
     let is_on = |line: &LineFile| line.standby.or(false).unwrap_or(true);
     if !file.lines.is_empty() && !file.lines.iter().any(is_on) {
-        let problem = standby.location.problem("has no effect: no line has `standby = true`");
-        problems.push(problem.right("`standby = true` in each `[[line]]` that the other gateway is on").warning());
+        let problem = standby
+            .location
+            .problem("has no effect: no line has `standby = true`");
+        problems.push(
+            problem
+                .right("`standby = true` in each `[[line]]` that the other gateway is on")
+                .warning(),
+        );
     }
     let (half, partner) = (standby.half.as_ref(), standby.partner.as_ref());
     if let (Some(half), Some(partner)) = (half, partner)
         && half.value == partner.value
     {
-        let problem = partner.location.problem(format!("`{}` is the name of this gateway itself", half.value));
+        let problem = partner.location.problem(format!(
+            "`{}` is the name of this gateway itself",
+            half.value
+        ));
         problems.push(problem.right("what the other gateway has as its `half`"));
     }
     Some(StandbyPair {
@@ -38,23 +51,49 @@ pub(super) fn settle(standby: &StandbyFile, file: &File, problems: &mut Vec<Prob
 /// Each line that has a second gateway can have one.
 pub(super) fn check(file: &File, problems: &mut Vec<Problem>) {
     for line in &file.lines {
-        let Some(Spanned { location, .. }) = shared(line) else { continue };
+        let Some(Spanned { location, .. }) = shared(line) else {
+            continue;
+        };
         if matches!(file.standby, OptionalKey::Absent) {
-            let problem = location.problem("there is no `[standby]`, which names the two gateways of the line");
+            let problem = location
+                .problem("there is no `[standby]`, which names the two gateways of the line");
             problems.push(problem.right("`[standby]` with `half` and `partner`, or leave it out"));
         }
         if let Some(why) = why_not_heard(line) {
             let right = "leave it out; two gateways need RS-485 at a serial device of each";
-            problems.push(location.problem(format!("a second gateway would hear nothing: {why}")).right(right));
+            problems.push(
+                location
+                    .problem(format!("a second gateway would hear nothing: {why}"))
+                    .right(right),
+            );
         }
-        if let Some(rts) = line.direction.valid().filter(|it| it.value == DirectionControl::Rts) {
+        if let Some(rts) = line
+            .direction
+            .valid()
+            .filter(|it| it.value == DirectionControl::Rts)
+        {
             let what = "with a second gateway: a program that is suspended while it holds RTS keeps the other one from sending";
-            problems.push(rts.location.problem(what).right("\"adapter\" or \"kernel\""));
+            problems.push(
+                rts.location
+                    .problem(what)
+                    .right("\"adapter\" or \"kernel\""),
+            );
         }
-        let stations = line.drives.iter().filter_map(|drive| drive.station.as_ref());
+        let stations = line
+            .drives
+            .iter()
+            .filter_map(|drive| drive.station.as_ref());
         for station in stations.filter(|station| station.value == signal::STATION) {
-            let what = format!("the gateways of a line use station {} among themselves", station.value);
-            problems.push(station.location.problem(what).right("another station of the drive"));
+            let what = format!(
+                "the gateways of a line use station {} among themselves",
+                station.value
+            );
+            problems.push(
+                station
+                    .location
+                    .problem(what)
+                    .right("another station of the drive"),
+            );
         }
     }
 }
@@ -66,11 +105,20 @@ fn shared(line: &LineFile) -> Option<&Spanned<bool>> {
 
 /// Why a second gateway could not hear what is sent on `line`.
 fn why_not_heard(line: &LineFile) -> Option<&'static str> {
-    let is_rs232 = line.interface.valid().is_some_and(|interface| interface.value == Interface::Rs232);
+    let is_rs232 = line
+        .interface
+        .valid()
+        .is_some_and(|interface| interface.value == Interface::Rs232);
     match line.port.as_ref().map(|port| &port.value) {
-        Some(PortAddress::Tcp { .. }) => Some("a serial device server passes on only what its drives send"),
-        Some(PortAddress::ModbusTcp { .. }) => Some("a Modbus TCP connection belongs to one client"),
-        Some(PortAddress::Device(_)) | None => is_rs232.then_some("RS-232 connects two devices, not three"),
+        Some(PortAddress::Tcp { .. }) => {
+            Some("a serial device server passes on only what its drives send")
+        }
+        Some(PortAddress::ModbusTcp { .. }) => {
+            Some("a Modbus TCP connection belongs to one client")
+        }
+        Some(PortAddress::Device(_)) | None => {
+            is_rs232.then_some("RS-232 connects two devices, not three")
+        }
     }
 }
 
@@ -95,8 +143,14 @@ pub(super) fn on_lost(
         OptionalKey::Absent => Some(None),
         OptionalKey::Valid(written) if is_shared => Some(Some(written.value)),
         OptionalKey::Valid(written) => {
-            let problem = written.location.problem("has no effect: the line has no second gateway");
-            problems.push(problem.right("leave it out, or `standby = true` in the `[[line]]`").warning());
+            let problem = written
+                .location
+                .problem("has no effect: the line has no second gateway");
+            problems.push(
+                problem
+                    .right("leave it out, or `standby = true` in the `[[line]]`")
+                    .warning(),
+            );
             Some(None)
         }
     }
@@ -104,20 +158,34 @@ pub(super) fn on_lost(
 
 /// A drive that is started and stopped at its terminals, as `bus` says, cannot be promised to be stopped by a take-over.
 pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Problem>) {
-    let stops = |lost: &&Spanned<OnGatewayLost>| matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast);
+    let stops = |lost: &&Spanned<OnGatewayLost>| {
+        matches!(lost.value, OnGatewayLost::Stop | OnGatewayLost::Coast)
+    };
     if let Some(lost) = file.on_gateway_lost.valid().filter(stops) {
         let what = format!(
             "the drive is started and stopped elsewhere (bus = \"{}\"), so this cannot be relied on",
             bus.word()
         );
-        problems.push(lost.location.problem(what).right("\"hold\" or \"adopt\", or bus = \"both\""));
+        problems.push(
+            lost.location
+                .problem(what)
+                .right("\"hold\" or \"adopt\", or bus = \"both\""),
+        );
     }
 }
 
 /// The configured silence is no shorter than `line` needs: else both gateways might send.
 pub(super) fn has_time(file: &File, line: &LineSettings, problems: &mut Vec<Problem>) {
-    let Some(standby) = file.standby.valid().filter(|_| line.standby.is_some()) else { return };
-    let Some(Spanned { value: Some(given), location }) = standby.value.take_over_after.valid() else { return };
+    let Some(standby) = file.standby.valid().filter(|_| line.standby.is_some()) else {
+        return;
+    };
+    let Some(Spanned {
+        value: Some(given),
+        location,
+    }) = standby.value.take_over_after.valid()
+    else {
+        return;
+    };
     let shortest = line_plan::shortest_standby_times(line).take_over_after;
     if *given < shortest {
         let what = format!(
@@ -125,7 +193,10 @@ pub(super) fn has_time(file: &File, line: &LineSettings, problems: &mut Vec<Prob
             duration_text(*given),
             line.name
         );
-        let right = format!("at least \"{}\", or \"auto\"", duration_text(whole_millis(shortest)));
+        let right = format!(
+            "at least \"{}\", or \"auto\"",
+            duration_text(whole_millis(shortest))
+        );
         problems.push(location.problem(what).right(right));
     }
 }

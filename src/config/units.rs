@@ -21,7 +21,11 @@ pub(super) struct Units {
 
 /// The units of each drive of each line, in the order of the file.
 /// `served` holds, per listener of `file`, the indices of the lines it serves.
-pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec<Problem>) -> Vec<Vec<Units>> {
+pub(super) fn settle(
+    file: &File,
+    served: &[BTreeSet<usize>],
+    problems: &mut Vec<Problem>,
+) -> Vec<Vec<Units>> {
     let servers = file.units_servers();
     let shared = shared_lines(served, &servers);
     let mut free = Free::new(file, &shared);
@@ -32,7 +36,10 @@ pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec
         .map(|(index, line)| {
             let with = shared.get(&index).copied();
             let may_be_the_device = port::is_modbus_tcp(line);
-            let units = line.drives.iter().map(|drive| units_of(drive, with, may_be_the_device, &mut free, problems));
+            let units = line
+                .drives
+                .iter()
+                .map(|drive| units_of(drive, with, may_be_the_device, &mut free, problems));
             units.collect()
         })
         .collect();
@@ -44,9 +51,16 @@ pub(super) fn settle(file: &File, served: &[BTreeSet<usize>], problems: &mut Vec
 }
 
 /// The lines that share a listener with another line, each with the first such listener.
-fn shared_lines<'a>(served: &[BTreeSet<usize>], listeners: &[&'a ListenerFile]) -> BTreeMap<usize, &'a ListenerFile> {
+fn shared_lines<'a>(
+    served: &[BTreeSet<usize>],
+    listeners: &[&'a ListenerFile],
+) -> BTreeMap<usize, &'a ListenerFile> {
     let mut shared = BTreeMap::new();
-    for (lines, listener) in served.iter().zip(listeners).filter(|(lines, _)| lines.len() > 1) {
+    for (lines, listener) in served
+        .iter()
+        .zip(listeners)
+        .filter(|(lines, _)| lines.len() > 1)
+    {
         for line in lines {
             shared.entry(*line).or_insert(*listener);
         }
@@ -62,7 +76,10 @@ fn units_of(
     problems: &mut Vec<Problem>,
 ) -> Units {
     let native = native_of(drive, shared, may_be_the_device, free, problems);
-    Units { native, uniform: uniform_of(drive, native, free, problems) }
+    Units {
+        native,
+        uniform: uniform_of(drive, native, free, problems),
+    }
 }
 
 /// The native unit: as written, or the station if the line shares its listeners with no other line. The station
@@ -83,14 +100,30 @@ fn native_of(
     let written = drive.station.as_ref();
     let station = written.and_then(|station| UnitId::new(station.value.0));
     let Some(listener) = shared else {
-        if let Some(beyond) = written.filter(|it| may_be_the_device && matches!(it.value.0, 0 | u8::MAX)) {
-            let what = format!("`unit` is left out, and station {} is no unit of a listener", beyond.value);
-            problems.push(free.native_instead(drive.location.missing("unit").problem(what), drive, None));
+        if let Some(beyond) =
+            written.filter(|it| may_be_the_device && matches!(it.value.0, 0 | u8::MAX))
+        {
+            let what = format!(
+                "`unit` is left out, and station {} is no unit of a listener",
+                beyond.value
+            );
+            problems.push(free.native_instead(
+                drive.location.missing("unit").problem(what),
+                drive,
+                None,
+            ));
         }
         return station;
     };
-    let what = format!("`unit` is left out, and {} serves more than one line", listener.label());
-    problems.push(free.native_instead(drive.location.missing("unit").problem(what), drive, station));
+    let what = format!(
+        "`unit` is left out, and {} serves more than one line",
+        listener.label()
+    );
+    problems.push(free.native_instead(
+        drive.location.missing("unit").problem(what),
+        drive,
+        station,
+    ));
     None
 }
 
@@ -119,7 +152,10 @@ fn uniform_of(
 }
 
 fn default_uniform(native: UnitId) -> Option<UnitId> {
-    native.get().checked_add(UNIFORM_ABOVE).and_then(UnitId::new)
+    native
+        .get()
+        .checked_add(UNIFORM_ABOVE)
+        .and_then(UnitId::new)
 }
 
 /// One of the two units of a drive.
@@ -160,7 +196,9 @@ impl Claim<'_> {
     fn location(&self) -> Location {
         match self.side.given(self.drive) {
             OptionalKey::Valid(written) => written.location.clone(),
-            OptionalKey::Absent | OptionalKey::Invalid => self.drive.location.missing(self.side.key()),
+            OptionalKey::Absent | OptionalKey::Invalid => {
+                self.drive.location.missing(self.side.key())
+            }
         }
     }
 
@@ -188,7 +226,9 @@ fn told_apart(
         let units = units.get(*line).map_or(&[][..], |units| units);
         for (index, (drive, units)) in drives.iter().zip(units).enumerate() {
             for (side, unit) in [(Side::Native, units.native), (Side::Uniform, units.uniform)] {
-                let (Some(unit), claim) = (unit, Claim { drive, side }) else { continue };
+                let (Some(unit), claim) = (unit, Claim { drive, side }) else {
+                    continue;
+                };
                 let Some(owner) = owners.get(&unit) else {
                     owners.insert(unit, claim);
                     continue;
@@ -209,9 +249,16 @@ fn follows_from_another(owner: Claim<'_>, claim: Claim<'_>) -> bool {
 
 fn clash(owner: Claim<'_>, claim: Claim<'_>, unit: UnitId, free: &mut Free) -> Problem {
     let what = if std::ptr::eq(owner.drive, claim.drive) {
-        format!("{} would answer at unit {unit} both as its vendor describes it and uniformly", claim.drive.label())
+        format!(
+            "{} would answer at unit {unit} both as its vendor describes it and uniformly",
+            claim.drive.label()
+        )
     } else {
-        format!("{} and {} would both answer at unit {unit}", owner.label(), claim.label())
+        format!(
+            "{} and {} would both answer at unit {unit}",
+            owner.label(),
+            claim.label()
+        )
     };
     let problem = claim.location().problem(what);
     match claim.side {
@@ -228,12 +275,15 @@ struct Free {
 impl Free {
     fn new(file: &File, shared: &BTreeMap<usize, &ListenerFile>) -> Self {
         let mut used = BTreeSet::new();
-        for (line, drive) in
-            (0..).zip(&file.lines).flat_map(|(index, line)| line.drives.iter().map(move |it| (index, it)))
+        for (line, drive) in (0..)
+            .zip(&file.lines)
+            .flat_map(|(index, line)| line.drives.iter().map(move |it| (index, it)))
         {
             let native = match (&drive.unit, &drive.station) {
                 (OptionalKey::Valid(unit), _) => Some(unit.value),
-                (OptionalKey::Absent, Some(station)) if !shared.contains_key(&line) => UnitId::new(station.value.0),
+                (OptionalKey::Absent, Some(station)) if !shared.contains_key(&line) => {
+                    UnitId::new(station.value.0)
+                }
                 _ => None,
             };
             let uniform = match &drive.uniform_unit {
@@ -248,9 +298,16 @@ impl Free {
 
     /// Adds to `problem` a unit for the native registers of `drive`, `wanted` if that is free. Where the uniform
     /// unit follows the native one, that is free too.
-    fn native_instead(&mut self, problem: Problem, drive: &DriveFile, wanted: Option<UnitId>) -> Problem {
+    fn native_instead(
+        &mut self,
+        problem: Problem,
+        drive: &DriveFile,
+        wanted: Option<UnitId>,
+    ) -> Problem {
         let follows = matches!(drive.uniform_unit, OptionalKey::Absent);
-        let fits = |unit: &UnitId| !follows || default_uniform(*unit).is_some_and(|it| !self.used.contains(&it));
+        let fits = |unit: &UnitId| {
+            !follows || default_uniform(*unit).is_some_and(|it| !self.used.contains(&it))
+        };
         let unit = self.units(wanted).find(fits);
         if let Some(unit) = unit {
             self.used.insert(unit);
@@ -258,9 +315,9 @@ impl Free {
             return problem.right(format!("unit = {unit}, which is free"));
         }
         match (self.take(wanted), self.take(None)) {
-            (Some(native), Some(uniform)) if follows => {
-                problem.right(format!("unit = {native} and uniform_unit = {uniform}, which are free"))
-            }
+            (Some(native), Some(uniform)) if follows => problem.right(format!(
+                "unit = {native} and uniform_unit = {uniform}, which are free"
+            )),
             _ => problem.right(NONE_FREE),
         }
     }
@@ -282,7 +339,10 @@ impl Free {
     /// The free units, `wanted` before the others, which stand in order.
     fn units(&self, wanted: Option<UnitId>) -> impl Iterator<Item = UnitId> {
         let all = (UnitId::MIN..=UnitId::MAX).filter_map(UnitId::new);
-        wanted.into_iter().chain(all).filter(|unit| !self.used.contains(unit))
+        wanted
+            .into_iter()
+            .chain(all)
+            .filter(|unit| !self.used.contains(unit))
     }
 }
 

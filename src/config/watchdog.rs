@@ -14,13 +14,23 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
     let why = if model.watchdog.is_none() {
         Some(format!("no watchdog of its own is known for {}", model.id))
     } else if !model.watchdog_is_proven() {
-        Some(format!("the watchdog of {} is unproven and cannot be relied on", model.id))
+        Some(format!(
+            "the watchdog of {} is unproven and cannot be relied on",
+            model.id
+        ))
     } else {
         None
     };
     if let Some(why) = why {
-        let required = file.require_watchdog.valid().filter(|required| required.value).map(|it| &it.location);
-        for location in required.into_iter().chain(file.watchdog.valid().map(|it| &it.location)) {
+        let required = file
+            .require_watchdog
+            .valid()
+            .filter(|required| required.value)
+            .map(|it| &it.location);
+        for location in required
+            .into_iter()
+            .chain(file.watchdog.valid().map(|it| &it.location))
+        {
             problems.push(location.problem(why.clone()).right("leave it out"));
         }
         if let Some(timeout) = file.failsafe_confirm_timeout.valid() {
@@ -28,25 +38,57 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
             problems.push(problem.right("leave it out").warning());
         }
     }
-    let Some(Spanned { value: time, location }) = file.watchdog.valid().filter(|_| model.watchdog_is_proven()) else {
+    let Some(Spanned {
+        value: time,
+        location,
+    }) = file.watchdog.valid().filter(|_| model.watchdog_is_proven())
+    else {
         return;
     };
     if model.watchdog_word(Some(*time)).is_none() {
-        let what = format!("the watchdog of {} cannot be set to {}", model.id, duration_text(*time));
-        problems.push(location.problem(what).right("a time in its steps and within its range"));
+        let what = format!(
+            "the watchdog of {} cannot be set to {}",
+            model.id,
+            duration_text(*time)
+        );
+        problems.push(
+            location
+                .problem(what)
+                .right("a time in its steps and within its range"),
+        );
     }
-    if let Some(lost_after) = file.lost_after.as_ref().filter(|lost_after| lost_after.value < *time) {
+    if let Some(lost_after) = file
+        .lost_after
+        .as_ref()
+        .filter(|lost_after| lost_after.value < *time)
+    {
         let time = duration_text(*time);
         let lease = duration_text(lost_after.value);
-        let problem = location.problem(format!("a watchdog of {time} takes longer than `lost_after`, {lease}"));
+        let problem = location.problem(format!(
+            "a watchdog of {time} takes longer than `lost_after`, {lease}"
+        ));
         problems.push(problem.right(format!("at most \"{lease}\", or a longer `lost_after`")));
     }
 }
 
 /// The watchdog of `drive`, at index `location` of `line`, is fed in time whatever delays its frames.
-pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, location: usize, problems: &mut Vec<Problem>) {
-    let written = drive.control.valid().and_then(|control| control.value.watchdog.valid());
-    let (Some(Spanned { value: time, location: at }), Some(gap)) = (written, line_plan::longest_gap(line, location))
+pub(super) fn is_fed(
+    drive: &DriveFile,
+    line: &LineSettings,
+    location: usize,
+    problems: &mut Vec<Problem>,
+) {
+    let written = drive
+        .control
+        .valid()
+        .and_then(|control| control.value.watchdog.valid());
+    let (
+        Some(Spanned {
+            value: time,
+            location: at,
+        }),
+        Some(gap),
+    ) = (written, line_plan::longest_gap(line, location))
     else {
         return;
     };
@@ -57,8 +99,10 @@ pub(super) fn is_fed(drive: &DriveFile, line: &LineSettings, location: usize, pr
             duration_text(*time),
             gap.as_secs_f64()
         );
-        let right =
-            format!("more than {:.1} s, a shorter `poll`, `reply_timeout` or `max_lateness`", least.as_secs_f64());
+        let right = format!(
+            "more than {:.1} s, a shorter `poll`, `reply_timeout` or `max_lateness`",
+            least.as_secs_f64()
+        );
         problems.push(at.problem(what).right(right));
     }
 }

@@ -28,7 +28,9 @@ impl Way {
     pub const fn meaning(self) -> &'static str {
         match self {
             Self::Mqtt => "clients of the broker in `[mqtt]` command",
-            Self::ModbusTcp => "clients of a `[[modbus_tcp]]` command, as far as its `write` lets them",
+            Self::ModbusTcp => {
+                "clients of a `[[modbus_tcp]]` command, as far as its `write` lets them"
+            }
             Self::Page => "users of `[http]` command from the page",
             Self::Sparkplug => "hosts of Sparkplug B command",
         }
@@ -36,8 +38,12 @@ impl Way {
 }
 
 /// Interfaces that accept commands.
-pub const WAYS: [(&str, Way); 4] =
-    [("mqtt", Way::Mqtt), ("modbus-tcp", Way::ModbusTcp), ("page", Way::Page), ("sparkplug", Way::Sparkplug)];
+pub const WAYS: [(&str, Way); 4] = [
+    ("mqtt", Way::Mqtt),
+    ("modbus-tcp", Way::ModbusTcp),
+    ("page", Way::Page),
+    ("sparkplug", Way::Sparkplug),
+];
 
 /// A right of a Modbus Security role besides reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +65,8 @@ impl RoleRight {
 }
 
 /// Rights of roles.
-pub const ROLE_RIGHTS: [(&str, RoleRight); 2] = [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
+pub const ROLE_RIGHTS: [(&str, RoleRight); 2] =
+    [("write", RoleRight::Write), ("stop", RoleRight::Stop)];
 
 /// Roles of the page's users.
 pub const ROLES: [(&str, Role); 4] = [
@@ -70,7 +77,10 @@ pub const ROLES: [(&str, Role); 4] = [
 ];
 
 /// Who sees the drives on the page.
-pub const VIEWERS: [(&str, Viewers); 2] = [("anyone", Viewers::Anyone), ("signed-in", Viewers::SignedIn)];
+pub const VIEWERS: [(&str, Viewers); 2] = [
+    ("anyone", Viewers::Anyone),
+    ("signed-in", Viewers::SignedIn),
+];
 
 impl Viewers {
     /// Its meaning, for messages.
@@ -83,7 +93,10 @@ impl Viewers {
 }
 
 /// Directions.
-pub const DIRECTIONS: [(&str, Direction); 2] = [("forward", Direction::Forward), ("reverse", Direction::Reverse)];
+pub const DIRECTIONS: [(&str, Direction); 2] = [
+    ("forward", Direction::Forward),
+    ("reverse", Direction::Reverse),
+];
 
 /// The meaning of a direction, for messages.
 pub(super) const fn of_direction(direction: Direction) -> &'static str {
@@ -94,8 +107,11 @@ pub(super) const fn of_direction(direction: Direction) -> &'static str {
 }
 
 /// What switches the direction of an RS-485 adapter.
-pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] =
-    [("adapter", DirectionControl::Adapter), ("kernel", DirectionControl::Kernel), ("rts", DirectionControl::Rts)];
+pub const DIRECTION_CONTROLS: [(&str, DirectionControl); 3] = [
+    ("adapter", DirectionControl::Adapter),
+    ("kernel", DirectionControl::Kernel),
+    ("rts", DirectionControl::Rts),
+];
 
 /// Fail-safe actions.
 pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
@@ -105,8 +121,10 @@ pub const FAIL_SAFES: [(&str, FailSafe); 3] = [
 ];
 
 /// Values of `on_output_outside`.
-pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] =
-    [(OnOutputOutside::Alarm.word(), OnOutputOutside::Alarm), (OnOutputOutside::Stop.word(), OnOutputOutside::Stop)];
+pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] = [
+    (OnOutputOutside::Alarm.word(), OnOutputOutside::Alarm),
+    (OnOutputOutside::Stop.word(), OnOutputOutside::Stop),
+];
 
 /// Their effects, for messages.
 #[must_use]
@@ -141,7 +159,9 @@ pub(super) fn on_gateway_lost() -> Kind<'static, OnGatewayLost> {
         OnGatewayLost::Stop => "the motor is stopped by its ramp",
         OnGatewayLost::Coast => "the output is cut off, the motor coasts",
         OnGatewayLost::Hold => "no action: a running motor keeps running",
-        OnGatewayLost::Adopt => "a running motor keeps running for `lost_after`, then `on_commander_lost` follows",
+        OnGatewayLost::Adopt => {
+            "a running motor keeps running for `lost_after`, then `on_commander_lost` follows"
+        }
     })
 }
 
@@ -211,7 +231,11 @@ pub(super) const COMMANDS: [(&str, bool); 2] = [("plain", false), ("strict", tru
 
 /// The requirement for RUN over MQTT, for messages.
 pub(super) const fn of_commands(is_strict: bool) -> &'static str {
-    if is_strict { "RUN over MQTT only with `epoch` or `issued_at`" } else { "RUN over MQTT needs neither" }
+    if is_strict {
+        "RUN over MQTT only with `epoch` or `issued_at`"
+    } else {
+        "RUN over MQTT needs neither"
+    }
 }
 
 /// The meaning of a kind of ownership, for messages.
@@ -234,4 +258,7 @@ pub(super) const fn of_lease(lease: LeaseMode) -> &'static str {
 pub const OWNERSHIPS: [(&str, Ownership); 2] = [("one", Ownership::One), ("any", Ownership::Any)];
 
 /// What renews a lease over MQTT.
-pub const LEASES: [(&str, LeaseMode); 2] = [("session", LeaseMode::Session), ("explicit", LeaseMode::Explicit)];
+pub const LEASES: [(&str, LeaseMode); 2] = [
+    ("session", LeaseMode::Session),
+    ("explicit", LeaseMode::Explicit),
+];

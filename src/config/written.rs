@@ -69,8 +69,21 @@ impl NewLine {
     /// The text, which begins with an empty line.
     #[must_use]
     pub fn text(&self) -> String {
-        let Self { name, port, link, is_ascii, echoes, drives, notes } = self;
-        let LinkSettings { baud, data_bits, parity, stop_bits } = link;
+        let Self {
+            name,
+            port,
+            link,
+            is_ascii,
+            echoes,
+            drives,
+            notes,
+        } = self;
+        let LinkSettings {
+            baud,
+            data_bits,
+            parity,
+            stop_bits,
+        } = link;
         let parity = word_for(&PARITIES, parity);
         let (name, port) = (json!(name), json!(port.to_string()));
         let mut text = format!(
@@ -96,16 +109,29 @@ impl NewLine {
 
 impl NewDrive {
     fn write(&self, text: &mut String) {
-        let Self { name, model, station, unit, full_scale_hz, why, control } = self;
+        let Self {
+            name,
+            model,
+            station,
+            unit,
+            full_scale_hz,
+            why,
+            control,
+        } = self;
         let name = json!(name);
         let id = &model.id;
-        let _ =
-            write!(text, "\n  [[line.drive]]\n  name = {name}\n  model = \"{id}\" # {why}\n  station = {station}\n");
+        let _ = write!(
+            text,
+            "\n  [[line.drive]]\n  name = {name}\n  model = \"{id}\" # {why}\n  station = {station}\n"
+        );
         if let Some(unit) = unit {
             let _ = writeln!(text, "  unit = {unit}");
         }
         if let Some(hz) = full_scale_hz {
-            let _ = writeln!(text, "  # The frequency that stands for 100 % at the drive.\n  full_scale_hz = {hz:?}");
+            let _ = writeln!(
+                text,
+                "  # The frequency that stands for 100 % at the drive.\n  full_scale_hz = {hz:?}"
+            );
         }
         if let Some(control) = control {
             text.push_str(&control.text());
@@ -118,7 +144,11 @@ impl NewControl {
     #[must_use]
     pub fn text(&self) -> String {
         let (least, most) = self.limits_hz;
-        let directions = if self.has_reverse { "[\"forward\", \"reverse\"]" } else { "[\"forward\"]" };
+        let directions = if self.has_reverse {
+            "[\"forward\", \"reverse\"]"
+        } else {
+            "[\"forward\"]"
+        };
         let mut text = format!(
             "\n    # Who may command it, and what happens when that client is lost.\n    [line.drive.control]\n    from = {}\n    \
              frequency_hz = {{ min = {least:?}, max = {most:?} }}\n    directions = {directions}\n    \

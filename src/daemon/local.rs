@@ -9,7 +9,9 @@ use crate::daemon::host::clock;
 use crate::daemon::service::reload_request::{Reloaded, Reloads};
 use crate::daemon::service::stall::Stalls;
 use crate::domain::address::Address;
-use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
+use crate::domain::command::{
+    CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
+};
 use crate::domain::control::ControlAction;
 use crate::domain::ids::{AskerId, CommanderName, Ticket};
 use crate::domain::native::{NativeAsk, NativeOutcome, NativeRequest, Refusal};
@@ -45,20 +47,44 @@ impl Who {
     /// A tool: any process that may open the socket. Its orders take no lease, so it needs no right to stop.
     pub const TOOL: Self = Self {
         asker: AskerId::LOCAL,
-        origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: false }, manner: Manner::Once },
+        origin: Origin {
+            owner: Owner::Local,
+            rights: Rights {
+                write: true,
+                stop: false,
+            },
+            manner: Manner::Once,
+        },
     };
 
     /// A person who qualifies a drive by a tool: the same, but a motor that runs in a trial is leased and stopped.
     pub const TRIAL: Self = Self {
         asker: AskerId::LOCAL,
-        origin: Origin { owner: Owner::Local, rights: Rights { write: true, stop: true }, manner: Manner::Once },
+        origin: Origin {
+            owner: Owner::Local,
+            rights: Rights {
+                write: true,
+                stop: true,
+            },
+            manner: Manner::Once,
+        },
     };
 
     /// The user who is signed in as `user` on the page.
     #[must_use]
     pub const fn signed_in(user: CommanderName) -> Self {
-        let rights = Rights { write: true, stop: true };
-        Self { asker: AskerId::PAGE, origin: Origin { owner: Owner::Page(user), rights, manner: Manner::Once } }
+        let rights = Rights {
+            write: true,
+            stop: true,
+        };
+        Self {
+            asker: AskerId::PAGE,
+            origin: Origin {
+                owner: Owner::Page(user),
+                rights,
+                manner: Manner::Once,
+            },
+        }
     }
 
     /// The same as the owner of what is ordered.
@@ -110,7 +136,15 @@ impl LocalSide {
         let waiting = Mutex::default();
         let keeper = Keeper::default();
         let stalls = Arc::default();
-        Self { current: current.into(), reloads, keeper, last, waiting, places, stalls }
+        Self {
+            current: current.into(),
+            reloads,
+            keeper,
+            last,
+            waiting,
+            places,
+            stalls,
+        }
     }
 
     /// The same side, which accepts only stops right after a stall.
@@ -122,7 +156,10 @@ impl LocalSide {
     /// The same side with a journal for attempts that reach no line.
     #[must_use]
     pub fn keeping(self, journal: Journal) -> Self {
-        Self { keeper: Keeper::new(journal), ..self }
+        Self {
+            keeper: Keeper::new(journal),
+            ..self
+        }
     }
 
     /// Keeps what was tried and refused here. `drive` is `None` if it was for all drives or for one that does not
@@ -179,9 +216,17 @@ impl LocalSide {
     ///
     /// # Errors
     /// Why there is no word, as of a command that ended so.
-    pub async fn read(&self, place: DriveRef, address: Address, deadline: MonoTime) -> Result<u16, Report> {
+    pub async fn read(
+        &self,
+        place: DriveRef,
+        address: Address,
+        deadline: MonoTime,
+    ) -> Result<u16, Report> {
         let words = self.read_words(place, address, 1, deadline).await?;
-        words.first().copied().ok_or(Report::refused(Reason::NoReply))
+        words
+            .first()
+            .copied()
+            .ok_or(Report::refused(Reason::NoReply))
     }
 
     /// Reads `count` words from `address` on. A drive that is busy is asked again, while there is time.
@@ -197,7 +242,10 @@ impl LocalSide {
     ) -> Result<Vec<u16>, Report> {
         for _ in 0..BUSY_READS_MAX {
             match self.read_once(place, address, count, deadline).await {
-                Err(Report { reason: Reason::DriveBusy, .. }) if clock::now() + BUSY_REST < deadline => {
+                Err(Report {
+                    reason: Reason::DriveBusy,
+                    ..
+                }) if clock::now() + BUSY_REST < deadline => {
                     tokio::time::sleep(BUSY_REST).await;
                 }
                 ended => return ended,
@@ -216,7 +264,14 @@ impl LocalSide {
         let ask = NativeAsk::Read { address, count };
         let request = |ticket| {
             let Who { asker, origin } = Who::TOOL;
-            Message::Native(NativeRequest { asker, ticket, drive: place.drive, origin, ask, deadline })
+            Message::Native(NativeRequest {
+                asker,
+                ticket,
+                drive: place.drive,
+                origin,
+                ask,
+                deadline,
+            })
         };
         let outcome = match self.put(place, deadline.since(clock::now()) + LATE, request) {
             Ok(asked) => match asked.answer().await {
@@ -243,7 +298,13 @@ impl LocalSide {
     }
 
     /// The same for an order with `marks`.
-    pub fn order_marked(&self, who: Who, place: DriveRef, order: Order, marks: Marks) -> Ordered<'_> {
+    pub fn order_marked(
+        &self,
+        who: Who,
+        place: DriveRef,
+        order: Order,
+        marks: Marks,
+    ) -> Ordered<'_> {
         let now = clock::now();
         let tried = (!order.is_no_attempt()).then(|| Tried::Order(order.clone()));
         let refused = |reason| {
@@ -263,7 +324,17 @@ impl LocalSide {
             let drive = place.drive;
             let issued = None;
             let Marks { epoch, trial } = marks;
-            Message::Command(CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial })
+            Message::Command(CommandRequest {
+                asker,
+                ticket,
+                drive,
+                origin,
+                order,
+                start_before,
+                issued,
+                epoch,
+                trial,
+            })
         };
         match self.put(place, COMMAND_WITHIN, request) {
             Ok(asked) => Ordered(Ok(asked)),
@@ -277,7 +348,9 @@ impl LocalSide {
     pub fn reset_usage(&self, who: Who, place: DriveRef) -> bool {
         let shared = self.shared();
         let message = Message::ResetUsage(place.drive, who.owner());
-        shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok())
+        shared
+            .inbox(place)
+            .is_some_and(|inbox| inbox.put(message).is_ok())
     }
 
     /// Orders the drives at `places` to stop, all at once: each line finds its stops together.
@@ -293,8 +366,17 @@ impl LocalSide {
                 let order = order.clone();
                 let issued = None;
                 let (epoch, trial) = (None, None);
-                let command =
-                    CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
+                let command = CommandRequest {
+                    asker,
+                    ticket,
+                    drive,
+                    origin,
+                    order,
+                    start_before,
+                    issued,
+                    epoch,
+                    trial,
+                };
                 ((*place, command), asked)
             })
             .unzip();
@@ -332,7 +414,14 @@ impl LocalSide {
         self.lock().insert(ticket, give);
         let waits = Waits { side: self, ticket };
         let until = Instant::now() + within;
-        (ticket, LineRequest { answer, until, _waits: waits })
+        (
+            ticket,
+            LineRequest {
+                answer,
+                until,
+                _waits: waits,
+            },
+        )
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<Ticket, oneshot::Sender<News>>> {
@@ -393,11 +482,17 @@ mod tests {
     use crate::domain::link::Interface;
     use crate::domain::native::NativeAnswer;
 
-    const PLACE: DriveRef = DriveRef { line: 0, drive: DriveIndex(0) };
+    const PLACE: DriveRef = DriveRef {
+        line: 0,
+        drive: DriveIndex(0),
+    };
 
     fn side() -> Arc<LocalSide> {
         let line = (Name::new("hall-1").unwrap(), Interface::Rs485);
-        Arc::new(LocalSide::new(Arc::new(Shared::new(vec![line], Vec::new())), None))
+        Arc::new(LocalSide::new(
+            Arc::new(Shared::new(vec![line], Vec::new())),
+            None,
+        ))
     }
 
     /// Runs `test` with the answers that `line` gives to each message to the line.
@@ -406,7 +501,11 @@ mod tests {
         mut line: impl FnMut(Message) -> Vec<News> + 'static,
         test: impl Future<Output = T>,
     ) -> T {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .start_paused(true)
+            .build()
+            .unwrap();
         let answers = Arc::<AnswerBox>::default();
         let shared = side.shared();
         tokio::task::LocalSet::new().block_on(&runtime, async {
@@ -429,22 +528,42 @@ mod tests {
 
     #[test]
     fn a_busy_drive_is_read_again_and_not_for_ever() {
-        for (busy, asked, expected) in [(3, 4, Ok(7)), (usize::MAX, BUSY_READS_MAX + 1, Err(Reason::DriveBusy))] {
+        for (busy, asked, expected) in [
+            (3, 4, Ok(7)),
+            (usize::MAX, BUSY_READS_MAX + 1, Err(Reason::DriveBusy)),
+        ] {
             let side = side();
             let count = Arc::new(AtomicU64::new(0));
             let seen = Arc::clone(&count);
             let line = move |message| {
-                let Message::Native(NativeRequest { asker, ticket, .. }) = message else { panic!("{message:?}") };
+                let Message::Native(NativeRequest { asker, ticket, .. }) = message else {
+                    panic!("{message:?}")
+                };
                 let outcome = if seen.fetch_add(1, Ordering::Relaxed) < busy as u64 {
-                    NativeOutcome::DriveException { code: 5, reason: Reason::DriveBusy }
+                    NativeOutcome::DriveException {
+                        code: 5,
+                        reason: Reason::DriveBusy,
+                    }
                 } else {
                     NativeOutcome::Words(vec![7].into())
                 };
-                vec![News::Native(NativeAnswer { asker, ticket, outcome })]
+                vec![News::Native(NativeAnswer {
+                    asker,
+                    ticket,
+                    outcome,
+                })]
             };
             let until = clock::now() + Duration::from_secs(60);
-            let read = with_a_line(&side, line, async { side.read(PLACE, 1_u16.into(), until).await });
-            assert_eq!((read.map_err(|report| report.reason), count.load(Ordering::Relaxed)), (expected, asked as u64));
+            let read = with_a_line(&side, line, async {
+                side.read(PLACE, 1_u16.into(), until).await
+            });
+            assert_eq!(
+                (
+                    read.map_err(|report| report.reason),
+                    count.load(Ordering::Relaxed)
+                ),
+                (expected, asked as u64)
+            );
         }
     }
 
@@ -452,16 +571,28 @@ mod tests {
     fn each_read_gets_the_answer_to_its_own_question() {
         let side = side();
         let line = |message| {
-            let Message::Native(NativeRequest { asker, ticket, ask: NativeAsk::Read { address, .. }, .. }) = message
+            let Message::Native(NativeRequest {
+                asker,
+                ticket,
+                ask: NativeAsk::Read { address, .. },
+                ..
+            }) = message
             else {
                 panic!("{message:?}")
             };
             let outcome = if address == 7 {
-                NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }
+                NativeOutcome::DriveException {
+                    code: 2,
+                    reason: Reason::DriveException,
+                }
             } else {
                 NativeOutcome::Words(vec![address.number() * 10].into())
             };
-            vec![News::Native(NativeAnswer { asker, ticket, outcome })]
+            vec![News::Native(NativeAnswer {
+                asker,
+                ticket,
+                outcome,
+            })]
         };
         let (first, second, third) = with_a_line(&side, line, async {
             tokio::join!(
@@ -472,16 +603,28 @@ mod tests {
         });
         assert_eq!((first, second), (Ok(10), Ok(20)));
         let failed = third.unwrap_err();
-        assert_eq!((failed.reason, failed.exception), (Reason::DriveException, Some(2)));
+        assert_eq!(
+            (failed.reason, failed.exception),
+            (Reason::DriveException, Some(2))
+        );
         assert!(side.lock().is_empty());
     }
 
     #[test]
     fn behind_a_stall_only_stops_are_orders() {
-        let side = Arc::try_unwrap(side()).unwrap().with_stalls(Arc::new(Stalls::just_ended()));
+        let side = Arc::try_unwrap(side())
+            .unwrap()
+            .with_stalls(Arc::new(Stalls::just_ended()));
         let who = Who::signed_in(CommanderName::new("anna").unwrap());
-        let stale = |order| assert_eq!(side.order(who, PLACE, order).0.err(), Some(Report::refused(Reason::Stale)));
-        stale(Order::Go(Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap()));
+        let stale = |order| {
+            assert_eq!(
+                side.order(who, PLACE, order).0.err(),
+                Some(Report::refused(Reason::Stale))
+            )
+        };
+        stale(Order::Go(
+            Go::new(Vec::new(), None, Some(Direction::Forward)).unwrap(),
+        ));
         stale(Order::Renew);
         for stop in [Order::Stop { setpoint: None }, Order::Coast] {
             assert!(side.order(who, PLACE, stop).0.is_ok());
@@ -495,17 +638,41 @@ mod tests {
     fn a_command_ends_with_its_last_word() {
         let side = side();
         let line = |message| {
-            let Message::Command(CommandRequest { asker, ticket, drive, origin, order, .. }) = message else {
+            let Message::Command(CommandRequest {
+                asker,
+                ticket,
+                drive,
+                origin,
+                order,
+                ..
+            }) = message
+            else {
                 panic!("{message:?}")
             };
-            assert_eq!((origin.owner, order), (Owner::Local, Order::Setup(vec![0x0211_u16.into()])));
+            assert_eq!(
+                (origin.owner, order),
+                (Owner::Local, Order::Setup(vec![0x0211_u16.into()]))
+            );
             let told = |outcome, is_final| {
                 let report = Report::new(outcome, Reason::None);
-                News::Command(CommandAnswer { asker, ticket, drive, report, is_final })
+                News::Command(CommandAnswer {
+                    asker,
+                    ticket,
+                    drive,
+                    report,
+                    is_final,
+                })
             };
-            vec![told(Outcome::Acknowledged, false), told(Outcome::Confirmed, true)]
+            vec![
+                told(Outcome::Acknowledged, false),
+                told(Outcome::Confirmed, true),
+            ]
         };
-        let report = with_a_line(&side, line, side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211_u16.into()])));
+        let report = with_a_line(
+            &side,
+            line,
+            side.command(Who::TOOL, PLACE, Order::Setup(vec![0x0211_u16.into()])),
+        );
         assert_eq!(report.outcome, Outcome::Confirmed);
     }
 
@@ -514,24 +681,44 @@ mod tests {
         let side = side();
         let anna = CommanderName::new("anna").unwrap();
         let line = move |message| {
-            let Message::Command(CommandRequest { asker, ticket, drive, origin, .. }) = message else {
+            let Message::Command(CommandRequest {
+                asker,
+                ticket,
+                drive,
+                origin,
+                ..
+            }) = message
+            else {
                 panic!("{message:?}")
             };
-            assert_eq!((asker, origin.owner, origin.manner), (AskerId::PAGE, Owner::Page(anna), Manner::Once));
+            assert_eq!(
+                (asker, origin.owner, origin.manner),
+                (AskerId::PAGE, Owner::Page(anna), Manner::Once)
+            );
             assert!(origin.rights.write && origin.rights.stop);
             let report = Report::held_by(Owner::Mqtt);
-            vec![News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true })]
+            vec![News::Command(CommandAnswer {
+                asker,
+                ticket,
+                drive,
+                report,
+                is_final: true,
+            })]
         };
         let ordered = async {
             // Both are sent before either is waited for.
-            let both = [(); 2].map(|()| side.order(Who::signed_in(anna), PLACE, Order::Stop { setpoint: None }));
+            let both = [(); 2]
+                .map(|()| side.order(Who::signed_in(anna), PLACE, Order::Stop { setpoint: None }));
             let mut ends = Vec::new();
             for ordered in both {
                 ends.push(ordered.end().await.message());
             }
             ends
         };
-        assert_eq!(with_a_line(&side, line, ordered), ["mqtt holds control of the drive"; 2]);
+        assert_eq!(
+            with_a_line(&side, line, ordered),
+            ["mqtt holds control of the drive"; 2]
+        );
     }
 
     #[test]
@@ -539,21 +726,38 @@ mod tests {
         let side = side();
         let (read, command) = with_a_line(&side, |_| Vec::new(), async {
             let read = side.read(PLACE, 1_u16.into(), deadline()).await;
-            (read, side.command(Who::TOOL, PLACE, Order::Setup(Vec::new())).await)
+            (
+                read,
+                side.command(Who::TOOL, PLACE, Order::Setup(Vec::new()))
+                    .await,
+            )
         });
         assert_eq!(read.unwrap_err().reason, Reason::NoReply);
-        assert_eq!((command.outcome, command.reason), (Outcome::Unknown, Reason::NoReply));
+        assert_eq!(
+            (command.outcome, command.reason),
+            (Outcome::Unknown, Reason::NoReply)
+        );
         assert!(side.lock().is_empty());
     }
 
     #[test]
     fn a_line_that_is_full_or_not_there_is_distinguished() {
         let side = side();
-        while side.shared().lines[0].inbox.put(Message::AskerGone(AskerId(1))).is_ok() {}
+        while side.shared().lines[0]
+            .inbox
+            .put(Message::AskerGone(AskerId(1)))
+            .is_ok()
+        {}
         let nowhere = DriveRef { line: 9, ..PLACE };
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .build()
+            .unwrap();
         let (full, missing) = runtime.block_on(async {
-            (side.read(PLACE, 1_u16.into(), deadline()).await, side.read(nowhere, 1_u16.into(), deadline()).await)
+            (
+                side.read(PLACE, 1_u16.into(), deadline()).await,
+                side.read(nowhere, 1_u16.into(), deadline()).await,
+            )
         });
         assert_eq!(full.unwrap_err().reason, Reason::QueueFull);
         assert_eq!(missing.unwrap_err().reason, Reason::NoReply);

@@ -4,7 +4,10 @@
 //! else delays its frames. They exchange requests ([`exchange::inbox::Inbox`]) and answers
 //! ([`exchange::answers::AnswerBox`]).
 
-#![allow(clippy::disallowed_methods, reason = "this room reads the clocks for all others")]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "this room reads the clocks for all others"
+)]
 
 pub mod commissioning;
 pub mod exchange;

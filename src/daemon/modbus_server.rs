@@ -105,7 +105,11 @@ impl Server {
     /// A server without listeners that counts into `totals`. Attempts that reach no line are sent to `journal`.
     #[must_use]
     pub fn new(totals: Arc<ModbusTotals>, journal: Journal) -> Self {
-        Self { totals, keeper: Rc::new(Keeper::new(journal)), ..Self::default() }
+        Self {
+            totals,
+            keeper: Rc::new(Keeper::new(journal)),
+            ..Self::default()
+        }
     }
 
     /// The same server, which accepts only stops of what was sent before the end of a stall.
@@ -130,7 +134,10 @@ impl Server {
     /// Applies to every connection what its listener grants now, before its next request, and closes those that are no
     /// longer allowed.
     pub fn review(&self) {
-        self.clients.borrow().values().for_each(|client| client.review());
+        self.clients
+            .borrow()
+            .values()
+            .for_each(|client| client.review());
     }
 
     /// Passes the answers of the lines to their connections until the task is dropped.
@@ -159,17 +166,40 @@ impl Server {
     /// Serves a tool of this process, with what `listener` grants to this host.
     pub fn serve_tool(self: &Rc<Self>, stream: UnixStream, listener: &Rc<Listener>) {
         let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let Some(seat) = self.seat(peer.ip(), listener) else { return };
+        let Some(seat) = self.seat(peer.ip(), listener) else {
+            return;
+        };
         let (source, sink) = stream.into_split();
-        self.begin(source, Stream::Tool(sink), peer, None, Rc::clone(listener), seat);
+        self.begin(
+            source,
+            Stream::Tool(sink),
+            peer,
+            None,
+            Rc::clone(listener),
+            seat,
+        );
     }
 
     /// Serves a serial master behind `stream`, with what `listener` grants to this host.
-    pub fn serve_master(self: &Rc<Self>, stream: UnixStream, master: Master, listener: &Rc<Listener>) {
+    pub fn serve_master(
+        self: &Rc<Self>,
+        stream: UnixStream,
+        master: Master,
+        listener: &Rc<Listener>,
+    ) {
         let peer = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let Some(seat) = self.seat(peer.ip(), listener) else { return };
+        let Some(seat) = self.seat(peer.ip(), listener) else {
+            return;
+        };
         let (source, sink) = stream.into_split();
-        self.begin(source, Stream::Master(sink, master), peer, None, Rc::clone(listener), seat);
+        self.begin(
+            source,
+            Stream::Master(sink, master),
+            peer,
+            None,
+            Rc::clone(listener),
+            seat,
+        );
     }
 
     /// Serves a client, `proven` if its listener requires authentication.
@@ -193,7 +223,11 @@ impl Server {
             seat,
             peer: peer.ip(),
             proven,
-            origin: Cell::new(Origin { owner, rights: Rights::NONE, manner: Manner::Cyclic }),
+            origin: Cell::new(Origin {
+                owner,
+                rights: Rights::NONE,
+                manner: Manner::Cyclic,
+            }),
             may_ask: Cell::new(false),
             reads_renew: Cell::new(false),
             stream,
@@ -304,15 +338,27 @@ impl Client {
         if (1..READ_BYTES).contains(&bytes.len()) && !matches!(self.stream, Stream::Master(..)) {
             self.emptied.set(now);
         }
-        let opened = self.stream.open(bytes, |plain| self.serve_bytes(now, plain, has_waited));
+        let opened = self
+            .stream
+            .open(bytes, |plain| self.serve_bytes(now, plain, has_waited));
         self.keep();
         opened.and_then(|()| self.flush())
     }
 
     /// Passes the machine's attempts that reached no line to the journal.
     fn keep(&self) {
-        while let Some(UnsentAttempt { unit, tried, report }) = self.next_kept() {
-            self.keeper.keep(self.router().drive_of(unit), self.origin.get().owner, tried, report);
+        while let Some(UnsentAttempt {
+            unit,
+            tried,
+            report,
+        }) = self.next_kept()
+        {
+            self.keeper.keep(
+                self.router().drive_of(unit),
+                self.origin.get().owner,
+                tried,
+                report,
+            );
         }
     }
 
@@ -333,12 +379,17 @@ impl Client {
         if self.listener.allows(self.peer) && self.listener.goes_on(security) {
             let granted = self.listener.grants(self.peer, role);
             self.may_ask.set(granted.may_ask);
-            self.origin.set(Origin { rights: granted.rights, ..self.origin.get() });
+            self.origin.set(Origin {
+                rights: granted.rights,
+                ..self.origin.get()
+            });
             self.reads_renew.set(granted.reads_renew);
             self.router.replace(self.listener.router());
             // Places of drives may have changed.
             self.renewed.borrow_mut().clear();
-            self.machine.borrow_mut().set_idle_timeout(granted.idle_timeout);
+            self.machine
+                .borrow_mut()
+                .set_idle_timeout(granted.idle_timeout);
             self.bell.notify_one();
         } else {
             self.dismiss(Dismissal::Unwanted);

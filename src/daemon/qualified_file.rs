@@ -24,7 +24,11 @@ pub fn read(data_dir: &Path) -> Result<Qualified, String> {
 /// # Errors
 /// The system's.
 pub fn write(data_dir: &Path, qualified: &Qualified) -> io::Result<()> {
-    whole_files::replace(&data_dir.join(FILE_NAME), qualified.text().as_bytes(), Readers::All)
+    whole_files::replace(
+        &data_dir.join(FILE_NAME),
+        qualified.text().as_bytes(),
+        Readers::All,
+    )
 }
 
 #[cfg(test)]
@@ -36,7 +40,11 @@ mod tests {
     #[test]
     fn a_file_is_there_as_a_whole_or_reported_to_be_damaged() {
         let place = Dir::new();
-        assert_eq!(read(&place), Ok(Qualified::default()), "nothing was tried yet");
+        assert_eq!(
+            read(&place),
+            Ok(Qualified::default()),
+            "nothing was tried yet"
+        );
         write(&place, &Qualified::default()).unwrap();
         assert_eq!(read(&place), Ok(Qualified::default()));
         fs::write(place.join(FILE_NAME), "{").unwrap();

@@ -54,25 +54,53 @@ fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Event<'a> {
     let retain = false;
     let duplicate = false;
     let expiry = None;
-    Event::Message(Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None })
+    Event::Message(Message {
+        topic,
+        payload,
+        retain,
+        duplicate,
+        expiry,
+        response_topic: None,
+        correlation: None,
+    })
 }
 
 /// The settings of both sides with a broker.
 fn broker_side(config: &Config, dir: &Path) -> BrokerSide {
     let name = config.gateway.name.clone().unwrap();
-    build::broker(config.mqtt.as_ref().unwrap(), (&name, None), Some(dir), None).unwrap()
+    build::broker(
+        config.mqtt.as_ref().unwrap(),
+        (&name, None),
+        Some(dir),
+        None,
+    )
+    .unwrap()
 }
 
 #[test]
 fn by_way_of_mqtt() {
     let config = config();
-    let ((_, settings), shared) = (broker_side(&config, &Dir::new()).mqtt, Arc::new(build::shared(&config)));
+    let ((_, settings), shared) = (
+        broker_side(&config, &Dir::new()).mqtt,
+        Arc::new(build::shared(&config)),
+    );
     let current = Current::from(Arc::clone(&shared));
     let news = Arc::default();
     let totals = Arc::default();
-    let mut speaker = Speaker::new(settings, current, news, totals, None, Ticket(1), clock::moment());
+    let mut speaker = Speaker::new(
+        settings,
+        current,
+        news,
+        totals,
+        None,
+        Ticket(1),
+        clock::moment(),
+    );
     let stop = message("vfd/plant/all/run/set", b"stop");
-    assert_eq!(found(&shared, || speaker.handle(clock::moment(), stop)), DRIVES);
+    assert_eq!(
+        found(&shared, || speaker.handle(clock::moment(), stop)),
+        DRIVES
+    );
 }
 
 #[test]
@@ -84,22 +112,52 @@ fn by_way_of_sparkplug() {
     let news = Arc::default();
     let totals = Arc::default();
     let journal = None;
-    let sides = Sides { current: Current::from(Arc::clone(&shared)), news, totals, journal };
-    let mut speaker = SparkplugSpeaker::new(settings, BdSeq::read(&dir), sides, Ticket(1), clock::moment());
+    let sides = Sides {
+        current: Current::from(Arc::clone(&shared)),
+        news,
+        totals,
+        journal,
+    };
+    let mut speaker = SparkplugSpeaker::new(
+        settings,
+        BdSeq::read(&dir),
+        sides,
+        Ticket(1),
+        clock::moment(),
+    );
     let value = Some(Value::Text("stop".to_owned()));
-    let metrics = vec![Metric { name: Some("all/run/set".to_owned()), value, ..Metric::default() }];
-    let payload = Payload { timestamp: None, metrics, seq: None }.bytes();
+    let metrics = vec![Metric {
+        name: Some("all/run/set".to_owned()),
+        value,
+        ..Metric::default()
+    }];
+    let payload = Payload {
+        timestamp: None,
+        metrics,
+        seq: None,
+    }
+    .bytes();
     let stop = message("spBv1.0/hall/NCMD/plant", &payload);
-    assert_eq!(found(&shared, || speaker.handle(clock::moment(), stop)), DRIVES);
+    assert_eq!(
+        found(&shared, || speaker.handle(clock::moment(), stop)),
+        DRIVES
+    );
 }
 
 #[test]
 fn by_way_of_the_page() {
     let shared = Arc::new(build::shared(&config()));
     let side = LocalSide::new(Arc::clone(&shared), None);
-    let places: Vec<_> = shared.drives.iter().map(|drive| drive.description.place).collect();
+    let places: Vec<_> = shared
+        .drives
+        .iter()
+        .map(|drive| drive.description.place)
+        .collect();
     let who = Who::signed_in(CommanderName::new("anna").unwrap());
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_time()
+        .build()
+        .unwrap();
     let _within = runtime.enter();
     assert_eq!(found(&shared, || drop(side.stop_all(who, &places))), DRIVES);
 }

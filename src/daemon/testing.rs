@@ -16,7 +16,11 @@ impl Dir {
     /// A new, empty directory.
     pub fn new() -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
-        let name = format!("vfd-gateway-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let name = format!(
+            "vfd-gateway-{}-{}",
+            std::process::id(),
+            COUNT.fetch_add(1, Ordering::Relaxed)
+        );
         let path = std::env::temp_dir().join(name);
         std::fs::create_dir(&path).expect("a temporary directory");
         Self(path)
@@ -61,12 +65,21 @@ impl Sleeper {
     pub fn new(inbox: &Arc<Inbox>) -> Self {
         let called = Arc::clone(inbox);
         let mut sleeper = Self {
-            first: Arc::new(First { inbox: Arc::clone(inbox), found: Mutex::default() }),
+            first: Arc::new(First {
+                inbox: Arc::clone(inbox),
+                found: Mutex::default(),
+            }),
             called: Box::pin(async move { called.called().await }),
         };
         assert!(inbox.may_sleep(true), "something waits");
         let waker = Waker::from(Arc::clone(&sleeper.first));
-        assert!(sleeper.called.as_mut().poll(&mut Context::from_waker(&waker)).is_pending());
+        assert!(
+            sleeper
+                .called
+                .as_mut()
+                .poll(&mut Context::from_waker(&waker))
+                .is_pending()
+        );
         sleeper
     }
 
@@ -80,6 +93,7 @@ impl Sleeper {
 
 impl Wake for First {
     fn wake(self: Arc<Self>) {
-        self.inbox.take(&mut self.found.lock().expect("nobody panics"));
+        self.inbox
+            .take(&mut self.found.lock().expect("nobody panics"));
     }
 }

@@ -100,7 +100,11 @@ impl Address {
     /// How far it is behind `first`; `None` if it is before it or in another table.
     #[must_use]
     pub fn offset_from(self, first: Self) -> Option<u16> {
-        if self.table == first.table { self.number.checked_sub(first.number) } else { None }
+        if self.table == first.table {
+            self.number.checked_sub(first.number)
+        } else {
+            None
+        }
     }
 
     /// Its word among `words`, which were read from `first` on.
@@ -157,6 +161,9 @@ mod tests {
         assert_eq!(coil.offset_from(Address::new(Table::Coil, 1)), Some(2));
         assert_eq!(coil.offset_from(Address::holding(1)), None, "another table");
         assert_eq!(coil.word_in(Address::new(Table::Coil, 2), &[0, 1]), Some(1));
-        assert_eq!((coil.to_string(), Address::holding(0x2100).to_string()), ("coil 0x0003".into(), "0x2100".into()));
+        assert_eq!(
+            (coil.to_string(), Address::holding(0x2100).to_string()),
+            ("coil 0x0003".into(), "0x2100".into())
+        );
     }
 }

@@ -58,11 +58,19 @@ mod tests {
             assert_eq!(buckets.place(buckets.number_max()), buckets.count() - 1);
             for at in 0..buckets.count() {
                 let end = buckets.upper_end(at);
-                assert_eq!((buckets.place(end), buckets.place(end + 1)), (at, at + 1), "{at}");
+                assert_eq!(
+                    (buckets.place(end), buckets.place(end + 1)),
+                    (at, at + 1),
+                    "{at}"
+                );
             }
-            for number in (1..buckets.number_max()).step_by(buckets.number_max() as usize / 20_000) {
+            for number in (1..buckets.number_max()).step_by(buckets.number_max() as usize / 20_000)
+            {
                 let end = buckets.upper_end(buckets.place(number));
-                assert!(number <= end && end - number <= number >> sub_bits, "{number}");
+                assert!(
+                    number <= end && end - number <= number >> sub_bits,
+                    "{number}"
+                );
             }
         }
     }

@@ -37,7 +37,11 @@ pub fn date(wall: WallTime) -> (i32, u8, u8) {
     let (year, month, day) = civil(wall.unix_ms.div_euclid(DAY_MS));
     let year = i32::try_from(year).unwrap_or(if year < 0 { i32::MIN } else { i32::MAX });
     // Months and days of the calendar fit.
-    (year, u8::try_from(month).unwrap_or(1), u8::try_from(day).unwrap_or(1))
+    (
+        year,
+        u8::try_from(month).unwrap_or(1),
+        u8::try_from(day).unwrap_or(1),
+    )
 }
 
 /// Parses a moment in UTC: `2026-01-31`, `2026-01-31T08:00`, `2026-01-31T08:00:00.250Z`. `None` if `text` is not one.
@@ -56,7 +60,9 @@ pub fn parse(text: &str) -> Option<WallTime> {
     let days = days_to(year, month, day);
     let exists = civil(days) == (year, month, day) && hour < 24 && minute < 60 && second < 60;
     let of_day = ((hour * 60 + minute) * 60 + second) * 1000 + milli;
-    exists.then_some(WallTime { unix_ms: days * DAY_MS + of_day })
+    exists.then_some(WallTime {
+        unix_ms: days * DAY_MS + of_day,
+    })
 }
 
 /// The `N` numbers of `text`, separated by `between`, with the given numbers of digits.
@@ -70,7 +76,9 @@ fn numbers<const N: usize>(text: &str, between: char, lengths: &[usize; N]) -> O
 }
 
 fn digits(text: &str) -> Option<i64> {
-    text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok())?
+    text.bytes()
+        .all(|byte| byte.is_ascii_digit())
+        .then(|| text.parse().ok())?
 }
 
 /// Year, month and day of the Gregorian calendar, `days` after 1970-01-01. Years are counted from March, so that the
@@ -83,7 +91,11 @@ const fn civil(days: i64) -> (i64, i64, i64) {
     let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month_from_march = (5 * of_year + 2) / 153;
     let day = of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let month = if month_from_march < 10 {
+        month_from_march + 3
+    } else {
+        month_from_march - 9
+    };
     let year = year_of_era + era * 400 + if month <= 2 { 1 } else { 0 };
     (year, month, day)
 }
@@ -115,14 +127,31 @@ mod tests {
             assert_eq!(rfc3339(WallTime { unix_ms }), text);
             assert_eq!(parse(text), Some(WallTime { unix_ms }), "{text}");
         }
-        assert_eq!(rfc3339(WallTime { unix_ms: i64::MAX }), "9999-12-31T23:59:59.999Z");
-        assert_eq!(rfc3339(WallTime { unix_ms: i64::MIN }), "0000-01-01T00:00:00.000Z");
+        assert_eq!(
+            rfc3339(WallTime { unix_ms: i64::MAX }),
+            "9999-12-31T23:59:59.999Z"
+        );
+        assert_eq!(
+            rfc3339(WallTime { unix_ms: i64::MIN }),
+            "0000-01-01T00:00:00.000Z"
+        );
     }
 
     #[test]
     fn a_moment_may_be_written_shorter() {
-        for text in ["2000-02-29", "2000-02-29T00:00", "2000-02-29 00:00:00", "2000-02-29T00:00:00Z"] {
-            assert_eq!(parse(text), Some(WallTime { unix_ms: 951_782_400_000 }), "{text}");
+        for text in [
+            "2000-02-29",
+            "2000-02-29T00:00",
+            "2000-02-29 00:00:00",
+            "2000-02-29T00:00:00Z",
+        ] {
+            assert_eq!(
+                parse(text),
+                Some(WallTime {
+                    unix_ms: 951_782_400_000
+                }),
+                "{text}"
+            );
         }
     }
 

@@ -89,9 +89,18 @@ impl Go {
 
     /// An order of these parts. `None` if there are none, or more than fit into [`FRAMES_MAX`] frames.
     #[must_use]
-    pub fn new(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Option<Self> {
+    pub fn new(
+        registers: Vec<RegisterWrite>,
+        frequency: Option<Hertz>,
+        run: Option<Direction>,
+    ) -> Option<Self> {
         let parts = registers.len() + usize::from(frequency.is_some()) + usize::from(run.is_some());
-        (1..=FRAMES_MAX).contains(&parts).then_some(Self { registers, frequency, run, toward: None })
+        (1..=FRAMES_MAX).contains(&parts).then_some(Self {
+            registers,
+            frequency,
+            run,
+            toward: None,
+        })
     }
 
     /// The same with a setpoint for this direction, for a drive that turns by the sign of its setpoint.
@@ -140,19 +149,29 @@ impl RegisterWrite {
     /// One word.
     #[must_use]
     pub fn new(address: impl Into<Address>, value: u16) -> Self {
-        Self { address: address.into(), value, second: None }
+        Self {
+            address: address.into(),
+            value,
+            second: None,
+        }
     }
 
     /// Its words with their addresses.
     pub fn words(self) -> impl Iterator<Item = (Address, u16)> {
-        let second = self.second.and_then(|word| Some((self.address.checked_add(1)?, word)));
+        let second = self
+            .second
+            .and_then(|word| Some((self.address.checked_add(1)?, word)));
         [(self.address, self.value)].into_iter().chain(second)
     }
 
     /// Both words of a value, in the order of their addresses.
     #[must_use]
     pub fn pair(address: impl Into<Address>, [value, second]: [u16; 2]) -> Self {
-        Self { address: address.into(), value, second: Some(second) }
+        Self {
+            address: address.into(),
+            value,
+            second: Some(second),
+        }
     }
 }
 
@@ -212,7 +231,10 @@ pub struct Rights {
 
 impl Rights {
     /// Read only.
-    pub const NONE: Self = Self { write: false, stop: false };
+    pub const NONE: Self = Self {
+        write: false,
+        stop: false,
+    };
 }
 
 /// How a client repeats its orders.
@@ -296,7 +318,14 @@ impl Report {
     /// An outcome with its reason and no further details.
     #[must_use]
     pub const fn new(outcome: Outcome, reason: Reason) -> Self {
-        Self { outcome, reason, held: None, register: None, exception: None, holder: None }
+        Self {
+            outcome,
+            reason,
+            held: None,
+            register: None,
+            exception: None,
+            holder: None,
+        }
     }
 
     /// The reason in plain words. A refusal because another client holds control names the holder.
@@ -306,10 +335,13 @@ impl Report {
             Some(holder) => format!("{holder} holds control of the drive"),
             // A stop is never refused for that.
             None if (self.outcome, self.reason) == (Outcome::Unknown, Reason::LineDown) => {
-                "the line is down: the stop is pending and is sent as soon as the line is back".to_owned()
+                "the line is down: the stop is pending and is sent as soon as the line is back"
+                    .to_owned()
             }
             None => match (self.register, self.held) {
-                (Some(register), Some(held)) => format!("{}: register {register} holds {held}", self.reason.text()),
+                (Some(register), Some(held)) => {
+                    format!("{}: register {register} holds {held}", self.reason.text())
+                }
                 (Some(register), None) => {
                     format!(
                         "{}: the order rests on register {register}, which the drive did not show",
@@ -325,7 +357,10 @@ impl Report {
     #[must_use]
     pub const fn held_by(holder: Owner) -> Self {
         let refused = Self::refused(Reason::OtherOwner);
-        Self { holder: Some(holder), ..refused }
+        Self {
+            holder: Some(holder),
+            ..refused
+        }
     }
 
     /// A refusal.
@@ -394,9 +429,18 @@ mod tests {
 
     #[test]
     fn a_refusal_names_the_holder_of_control() {
-        assert_eq!(Report::held_by(Owner::Mqtt).message(), "mqtt holds control of the drive");
-        assert_eq!(Report::refused(Reason::OtherOwner).message(), "another client holds control of the drive");
-        assert_eq!(Report::refused(Reason::Moving).message(), Reason::Moving.text());
+        assert_eq!(
+            Report::held_by(Owner::Mqtt).message(),
+            "mqtt holds control of the drive"
+        );
+        assert_eq!(
+            Report::refused(Reason::OtherOwner).message(),
+            "another client holds control of the drive"
+        );
+        assert_eq!(
+            Report::refused(Reason::Moving).message(),
+            Reason::Moving.text()
+        );
     }
 
     #[test]
@@ -412,10 +456,17 @@ mod tests {
         }
         let certified = Owner::ModbusSecurity(CommanderName::new("a").unwrap());
         let signed_in = Owner::Page(CommanderName::new("a").unwrap());
-        for owner in
-            [Owner::Local, Owner::Sparkplug, Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])), certified, signed_in]
-        {
-            assert!(owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt), "{owner}");
+        for owner in [
+            Owner::Local,
+            Owner::Sparkplug,
+            Owner::ModbusTcp(IpAddr::from([10, 0, 0, 1])),
+            certified,
+            signed_in,
+        ] {
+            assert!(
+                owner.comes_by(owner) && !owner.comes_by(Owner::Mqtt),
+                "{owner}"
+            );
         }
         assert!(!by("a").comes_by(by("b")) && !Owner::Mqtt.comes_by(by("a")));
     }
@@ -429,6 +480,9 @@ mod tests {
         assert!(Go::new(registers(Go::REGISTERS_MAX - 2), setpoint, run).is_some());
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX + 1), None, None), None);
         assert_eq!(Go::new(registers(Go::REGISTERS_MAX), None, run), None);
-        assert_eq!(Go::new(registers(Go::REGISTERS_MAX - 1), setpoint, run), None);
+        assert_eq!(
+            Go::new(registers(Go::REGISTERS_MAX - 1), setpoint, run),
+            None
+        );
     }
 }

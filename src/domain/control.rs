@@ -103,7 +103,13 @@ pub enum ControlAction {
 
 impl ControlAction {
     /// All of them.
-    pub const ALL: &[Self] = &[Self::Basic, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
+    pub const ALL: &[Self] = &[
+        Self::Basic,
+        Self::Reverse,
+        Self::Coast,
+        Self::Reset,
+        Self::Release,
+    ];
 
     /// The word used in the configuration.
     #[must_use]

@@ -17,16 +17,25 @@ pub struct ReplyCounts {
 impl ReplyCounts {
     /// Counts a reply that began `time` after the end of its request.
     pub fn add(&mut self, time: Duration) {
-        let place = REPLY_BUCKETS_MS.iter().position(|end| time <= Duration::from_millis(*end));
-        if let Some(bucket) = self.buckets.get_mut(place.unwrap_or(REPLY_BUCKETS_MS.len())) {
+        let place = REPLY_BUCKETS_MS
+            .iter()
+            .position(|end| time <= Duration::from_millis(*end));
+        if let Some(bucket) = self
+            .buckets
+            .get_mut(place.unwrap_or(REPLY_BUCKETS_MS.len()))
+        {
             *bucket += 1;
         }
-        self.sum_us = self.sum_us.saturating_add(u64::try_from(time.as_micros()).unwrap_or(u64::MAX));
+        self.sum_us = self
+            .sum_us
+            .saturating_add(u64::try_from(time.as_micros()).unwrap_or(u64::MAX));
     }
 
     /// Upper end of each bucket (`None` for the last) and the number of replies in that bucket alone.
     pub fn buckets(&self) -> impl Iterator<Item = (Option<Duration>, u64)> + '_ {
-        let ends = REPLY_BUCKETS_MS.iter().map(|end| Some(Duration::from_millis(*end)));
+        let ends = REPLY_BUCKETS_MS
+            .iter()
+            .map(|end| Some(Duration::from_millis(*end)));
         ends.chain([None]).zip(self.buckets.iter().copied())
     }
 
@@ -44,8 +53,15 @@ impl ReplyCounts {
 }
 
 /// The sources of commands, in the order of [`CommandCounts`].
-pub const COMMAND_SOURCES: [&str; 7] =
-    ["modbus-tcp", "modbus-security", "mqtt", "local", "page", "sparkplug", "modbus-rtu"];
+pub const COMMAND_SOURCES: [&str; 7] = [
+    "modbus-tcp",
+    "modbus-security",
+    "mqtt",
+    "local",
+    "page",
+    "sparkplug",
+    "modbus-rtu",
+];
 
 const fn source(owner: &Owner) -> usize {
     match owner {
@@ -68,16 +84,25 @@ impl CommandCounts {
     pub fn add(&mut self, owner: &Owner, outcome: Outcome) {
         let place = usize::from(outcome.number()).checked_sub(1);
         let of_source = self.0.get_mut(source(owner));
-        if let Some(count) = of_source.zip(place).and_then(|(counts, place)| counts.get_mut(place)) {
+        if let Some(count) = of_source
+            .zip(place)
+            .and_then(|(counts, place)| counts.get_mut(place))
+        {
             *count += 1;
         }
     }
 
     /// Source, outcome and count: all outcomes of each source that has been used.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, Outcome, u64)> + '_ {
-        let sources = COMMAND_SOURCES.iter().zip(&self.0).filter(|(_, counts)| counts.iter().any(|count| *count > 0));
+        let sources = COMMAND_SOURCES
+            .iter()
+            .zip(&self.0)
+            .filter(|(_, counts)| counts.iter().any(|count| *count > 0));
         sources.flat_map(|(source, counts)| {
-            Outcome::ALL.iter().zip(counts).map(|(outcome, count)| (*source, *outcome, *count))
+            Outcome::ALL
+                .iter()
+                .zip(counts)
+                .map(|(outcome, count)| (*source, *outcome, *count))
         })
     }
 }
@@ -174,7 +199,10 @@ mod tests {
         let filled: Vec<_> = counts.buckets().filter(|(_, count)| *count > 0).collect();
         let ms = |ms| Some(Duration::from_millis(ms));
         assert_eq!(filled, [(ms(1), 2), (ms(2), 1), (ms(5000), 1), (None, 2)]);
-        assert_eq!((counts.count(), counts.sum()), (6, Duration::from_micros(70_002_002)));
+        assert_eq!(
+            (counts.count(), counts.sum()),
+            (6, Duration::from_micros(70_002_002))
+        );
         assert!(REPLY_BUCKETS_MS.is_sorted());
     }
 
@@ -182,14 +210,28 @@ mod tests {
     fn attempts_are_counted_by_source_and_outcome_and_an_unused_source_is_left_out() {
         let mut counts = CommandCounts::default();
         assert_eq!(counts.iter().count(), 0);
-        let owners = [Owner::ModbusTcp([127, 0, 0, 1].into()), Owner::Mqtt, Owner::Local];
-        for (owner, outcome) in owners.iter().flat_map(|owner| Outcome::ALL.iter().map(move |it| (owner, *it))) {
+        let owners = [
+            Owner::ModbusTcp([127, 0, 0, 1].into()),
+            Owner::Mqtt,
+            Owner::Local,
+        ];
+        for (owner, outcome) in owners
+            .iter()
+            .flat_map(|owner| Outcome::ALL.iter().map(move |it| (owner, *it)))
+        {
             counts.add(owner, outcome);
         }
         counts.add(&Owner::Mqtt, Outcome::Refused);
         let shown: Vec<_> = counts.iter().collect();
         assert_eq!(shown.len(), 3 * Outcome::ALL.len());
-        assert!(shown.contains(&("mqtt", Outcome::Refused, 2)) && shown.contains(&("local", Outcome::Confirmed, 1)));
-        assert!(!shown.iter().any(|(source, ..)| *source == "modbus-security"));
+        assert!(
+            shown.contains(&("mqtt", Outcome::Refused, 2))
+                && shown.contains(&("local", Outcome::Confirmed, 1))
+        );
+        assert!(
+            !shown
+                .iter()
+                .any(|(source, ..)| *source == "modbus-security")
+        );
     }
 }

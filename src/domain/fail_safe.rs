@@ -76,7 +76,13 @@ pub enum FailSafeStage {
 
 impl FailSafeStage {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Due, Self::Sent, Self::Effective, Self::NotNeeded, Self::GivenUp];
+    pub const ALL: [Self; 5] = [
+        Self::Due,
+        Self::Sent,
+        Self::Effective,
+        Self::NotNeeded,
+        Self::GivenUp,
+    ];
 
     /// The word in documents.
     #[must_use]
@@ -112,8 +118,17 @@ impl FailSafeRun {
     /// The `action` falls due at `at`.
     #[must_use]
     pub fn due(action: FailSafe, cause: Cause, at: MonoTime) -> Self {
-        let stage = if action == FailSafe::Hold { FailSafeStage::Effective } else { FailSafeStage::Due };
-        Self { action, cause, stage, at }
+        let stage = if action == FailSafe::Hold {
+            FailSafeStage::Effective
+        } else {
+            FailSafeStage::Due
+        };
+        Self {
+            action,
+            cause,
+            stage,
+            at,
+        }
     }
 
     /// Its frame was on the wire. Returns whether that is new.
@@ -124,7 +139,11 @@ impl FailSafeRun {
     /// The drive showed its effect, or was found at standstill. Returns whether that is new.
     pub fn was_effective(&mut self) -> bool {
         let was_sent = self.stage == FailSafeStage::Sent;
-        let stage = if was_sent { FailSafeStage::Effective } else { FailSafeStage::NotNeeded };
+        let stage = if was_sent {
+            FailSafeStage::Effective
+        } else {
+            FailSafeStage::NotNeeded
+        };
         self.reach(stage, !self.stage.is_over())
     }
 
@@ -156,7 +175,11 @@ mod tests {
         assert_eq!(run.stage, FailSafeStage::Effective);
         let mut never_sent = due();
         assert!(never_sent.was_effective());
-        assert_eq!(never_sent.stage, FailSafeStage::NotNeeded, "nothing is carried out that was not sent");
+        assert_eq!(
+            never_sent.stage,
+            FailSafeStage::NotNeeded,
+            "nothing is carried out that was not sent"
+        );
         let mut given_up = due();
         assert!(given_up.was_given_up() && !given_up.was_sent());
         assert_eq!(

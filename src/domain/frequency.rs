@@ -39,7 +39,9 @@ impl Hertz {
     /// The frequency of `centi` hundredths of a hertz, as the uniform registers carry it.
     #[must_use]
     pub const fn from_centihertz(centi: u16) -> Self {
-        Self { milli: centi as u32 * 10 }
+        Self {
+            milli: centi as u32 * 10,
+        }
     }
 
     /// Thousandths of a hertz.
@@ -51,7 +53,11 @@ impl Hertz {
     /// Hundredths of a hertz, if it is a whole number of them that fits into a register.
     #[must_use]
     pub fn centihertz(self) -> Option<u16> {
-        if self.milli.is_multiple_of(10) { u16::try_from(self.milli / 10).ok() } else { None }
+        if self.milli.is_multiple_of(10) {
+            u16::try_from(self.milli / 10).ok()
+        } else {
+            None
+        }
     }
 
     /// The frequency that `hertz` is, but for the noise of binary fractions.
@@ -66,8 +72,14 @@ impl Hertz {
         if !(0.0..=f64::from(u32::MAX)).contains(&milli) || hertz < -NOISE_HZ {
             return Err(NoFrequency::OutOfRange);
         }
-        let frequency = Self { milli: milli as u32 };
-        if (frequency.as_f64() - hertz).abs() <= NOISE_HZ { Ok(frequency) } else { Err(NoFrequency::TooFine) }
+        let frequency = Self {
+            milli: milli as u32,
+        };
+        if (frequency.as_f64() - hertz).abs() <= NOISE_HZ {
+            Ok(frequency)
+        } else {
+            Err(NoFrequency::TooFine)
+        }
     }
 
     /// Parses a frequency in decimal, such as `42.5`.
@@ -82,7 +94,9 @@ impl Hertz {
     /// Twice as much.
     #[must_use]
     pub const fn doubled(self) -> Self {
-        Self { milli: self.milli.saturating_mul(2) }
+        Self {
+            milli: self.milli.saturating_mul(2),
+        }
     }
 
     /// In hertz, as the nearest binary number.
@@ -102,22 +116,32 @@ impl Hertz {
     #[must_use]
     pub fn to_steps(self, scale: u32) -> Option<u32> {
         let steps = u64::from(self.milli) * u64::from(scale);
-        if steps.is_multiple_of(1000) { u32::try_from(steps / 1000).ok() } else { None }
+        if steps.is_multiple_of(1000) {
+            u32::try_from(steps / 1000).ok()
+        } else {
+            None
+        }
     }
 
     /// The frequency that `word` means in a register of `scale` steps per hertz, to the nearest thousandth.
     #[must_use]
     pub fn from_word(word: u16, scale: u32) -> Self {
         let milli = (u64::from(word) * 1000 + u64::from(scale) / 2) / u64::from(scale.max(1));
-        Self { milli: u32::try_from(milli).unwrap_or(u32::MAX) }
+        Self {
+            milli: u32::try_from(milli).unwrap_or(u32::MAX),
+        }
     }
 }
 
 /// The number that `text` is in decimal; an exponent is accepted only below zero, as in `2.8e-17`.
 #[must_use]
 pub fn decimal(text: &str) -> Option<f64> {
-    let (number, exponent) = text.split_once(['e', 'E']).map_or((text, None), |(number, rest)| (number, Some(rest)));
-    let is_plain = number.bytes().all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
+    let (number, exponent) = text
+        .split_once(['e', 'E'])
+        .map_or((text, None), |(number, rest)| (number, Some(rest)));
+    let is_plain = number
+        .bytes()
+        .all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
     let is_small = exponent.is_none_or(|exponent| exponent.starts_with('-'));
     text.parse().ok().filter(|_| is_plain && is_small)
 }
@@ -127,7 +151,11 @@ impl fmt::Display for Hertz {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let whole = self.milli / 1000;
         let milli = self.milli % 1000;
-        if milli.is_multiple_of(10) { write!(f, "{whole}.{:02}", milli / 10) } else { write!(f, "{whole}.{milli:03}") }
+        if milli.is_multiple_of(10) {
+            write!(f, "{whole}.{:02}", milli / 10)
+        } else {
+            write!(f, "{whole}.{milli:03}")
+        }
     }
 }
 
@@ -142,18 +170,26 @@ mod tests {
         assert_eq!(Hertz::parse("50.0005"), Err(NoFrequency::TooFine));
         assert_eq!(Hertz::parse("-1"), Err(NoFrequency::OutOfRange));
         for no_number in ["", "4,5", "NaN", "inf", "1e3", "50 Hz", "0x10", "--1"] {
-            assert_eq!(Hertz::parse(no_number), Err(NoFrequency::NotANumber), "{no_number}");
+            assert_eq!(
+                Hertz::parse(no_number),
+                Err(NoFrequency::NotANumber),
+                "{no_number}"
+            );
         }
     }
 
     #[test]
     fn the_noise_of_a_ramp_is_no_step() {
-        assert_eq!(Hertz::parse("30.000000000000004"), Ok(Hertz::from_millihertz(30_000)));
+        assert_eq!(
+            Hertz::parse("30.000000000000004"),
+            Ok(Hertz::from_millihertz(30_000))
+        );
         assert_eq!(Hertz::parse("2.7755575615628914e-17"), Ok(Hertz::ZERO));
         assert_eq!(Hertz::from_f64(-2.8e-17), Ok(Hertz::ZERO));
         assert_eq!(Hertz::parse("30.0000001"), Err(NoFrequency::TooFine));
         assert_eq!(Hertz::from_f64(-0.000_001), Err(NoFrequency::OutOfRange));
-        for (step, step_milli, steps) in [(0.1, 100, 4_000), (0.01, 10, 40_000), (0.001, 1, 40_000)] {
+        for (step, step_milli, steps) in [(0.1, 100, 4_000), (0.01, 10, 40_000), (0.001, 1, 40_000)]
+        {
             let mut up = 0.0;
             let mut down = f64::from(steps) * step;
             for count in 0..=steps {
@@ -171,8 +207,16 @@ mod tests {
     #[test]
     fn words_are_exact_or_refused() {
         assert_eq!(Hertz::from_millihertz(42_500).to_word(100), Some(4250));
-        assert_eq!(Hertz::from_millihertz(42_505).to_word(100), None, "between two steps");
-        assert_eq!(Hertz::from_millihertz(655_360).to_word(100), None, "beyond the word");
+        assert_eq!(
+            Hertz::from_millihertz(42_505).to_word(100),
+            None,
+            "between two steps"
+        );
+        assert_eq!(
+            Hertz::from_millihertz(655_360).to_word(100),
+            None,
+            "beyond the word"
+        );
         for word in [0, 1, 4250, u16::MAX] {
             assert_eq!(Hertz::from_word(word, 100).to_word(100), Some(word));
             assert_eq!(Hertz::from_centihertz(word).centihertz(), Some(word));

@@ -25,7 +25,11 @@ impl UnitId {
     /// The unit `number`. `None` outside 1 to 247.
     #[must_use]
     pub const fn new(number: u8) -> Option<Self> {
-        if number >= Self::MIN && number <= Self::MAX { Some(Self(number)) } else { None }
+        if number >= Self::MIN && number <= Self::MAX {
+            Some(Self(number))
+        } else {
+            None
+        }
     }
 
     /// The number used in a frame.
@@ -59,7 +63,9 @@ impl Name {
     pub fn new(text: &str) -> Option<Self> {
         let fits = (1..=Self::MAX_CHARS).contains(&text.len())
             && text.bytes().any(|b| b != b'.')
-            && text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'));
+            && text
+                .bytes()
+                .all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'));
         fits.then(|| Self(text.to_owned()))
     }
 
@@ -99,15 +105,23 @@ impl CommanderName {
     pub fn new(text: &str) -> Option<Self> {
         let name = Name::new(text)?;
         let mut text = [0; Self::MAX_CHARS];
-        text.get_mut(..name.as_str().len())?.copy_from_slice(name.as_str().as_bytes());
+        text.get_mut(..name.as_str().len())?
+            .copy_from_slice(name.as_str().as_bytes());
         Some(Self { text })
     }
 
     /// The name as text.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(Self::MAX_CHARS);
-        self.text.get(..end).and_then(|text| std::str::from_utf8(text).ok()).unwrap_or_default()
+        let end = self
+            .text
+            .iter()
+            .position(|byte| *byte == 0)
+            .unwrap_or(Self::MAX_CHARS);
+        self.text
+            .get(..end)
+            .and_then(|text| std::str::from_utf8(text).ok())
+            .unwrap_or_default()
     }
 }
 
@@ -161,7 +175,18 @@ mod tests {
     #[test]
     fn names_fit_into_topics() {
         assert!(Name::new("pump-1_a.B").is_some() && Name::new("..a").is_some());
-        for bad in ["", ".", "..", "...", "a/b", "a+", "#", "pump 1", "ü", &"x".repeat(65)] {
+        for bad in [
+            "",
+            ".",
+            "..",
+            "...",
+            "a/b",
+            "a+",
+            "#",
+            "pump 1",
+            "ü",
+            &"x".repeat(65),
+        ] {
             assert!(Name::new(bad).is_none(), "{bad}");
         }
     }

@@ -95,7 +95,12 @@ pub struct LinkSettings {
 
 impl LinkSettings {
     /// 9600 bit/s, 8 data bits, no parity, 1 stop bit.
-    pub const DEFAULT: Self = Self { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: 1 };
+    pub const DEFAULT: Self = Self {
+        baud: 9600,
+        data_bits: 8,
+        parity: Parity::None,
+        stop_bits: 1,
+    };
 
     /// Bits that one character takes on the wire: start, data, parity, stop.
     #[must_use]
@@ -130,7 +135,11 @@ impl fmt::Display for LinkSettings {
             Parity::Even => 'E',
             Parity::Odd => 'O',
         };
-        write!(f, "{} {}{}{}", self.baud, self.data_bits, parity, self.stop_bits)
+        write!(
+            f,
+            "{} {}{}{}",
+            self.baud, self.data_bits, parity, self.stop_bits
+        )
     }
 }
 
@@ -158,7 +167,12 @@ impl Wiring {
 impl Default for Wiring {
     /// A line of which nothing is configured.
     fn default() -> Self {
-        Self { port: String::new(), link: LinkSettings::DEFAULT, framing: Framing::Rtu, stations: Vec::new() }
+        Self {
+            port: String::new(),
+            link: LinkSettings::DEFAULT,
+            framing: Framing::Rtu,
+            stations: Vec::new(),
+        }
     }
 }
 
@@ -172,7 +186,11 @@ mod tests {
         assert_eq!(link.bits_per_char(), 10);
         assert_eq!(link.chars(4.5), Duration::from_nanos(4_687_500));
         assert_eq!(link.bytes(8), Duration::from_nanos(8_333_334));
-        let even = LinkSettings { baud: 19_200, parity: Parity::Even, ..link };
+        let even = LinkSettings {
+            baud: 19_200,
+            parity: Parity::Even,
+            ..link
+        };
         assert_eq!(even.chars(4.5), Duration::from_nanos(2_578_125));
         assert_eq!(even.to_string(), "19200 8E1");
     }

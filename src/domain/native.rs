@@ -100,9 +100,10 @@ impl NativeOutcome {
     #[must_use]
     pub const fn read_failure(&self) -> Report {
         match self {
-            Self::DriveException { code, reason } => {
-                Report { exception: Some(*code), ..Report::new(Outcome::Failed, *reason) }
-            }
+            Self::DriveException { code, reason } => Report {
+                exception: Some(*code),
+                ..Report::new(Outcome::Failed, *reason)
+            },
             Self::Refused(refusal) => Report::refused(match refusal {
                 Refusal::NoSuchUnit => Reason::UnknownDrive,
                 Refusal::Guard(reason) => *reason,

@@ -22,7 +22,13 @@ impl Problem {
     /// A problem with `key`, located at `span`.
     #[must_use]
     pub fn new(key: impl Into<String>, span: Range<usize>, what: impl Into<String>) -> Self {
-        Self { key: key.into(), span, what: what.into(), right: None, is_warning: false }
+        Self {
+            key: key.into(),
+            span,
+            what: what.into(),
+            right: None,
+            is_warning: false,
+        }
     }
 
     /// Adds what would be right.
@@ -44,16 +50,23 @@ impl Problem {
     pub fn place_in(&self, text: &str) -> (usize, usize) {
         let before = text.get(..self.span.start).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+        (
+            before.matches('\n').count() + 1,
+            before[line_start..].chars().count() + 1,
+        )
     }
 }
 
 /// The name in `valid` that is closest to `wrong`, if one is close enough for a typing error.
 #[must_use]
 pub fn nearest<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let distances = valid.into_iter().map(|name| (strsim::damerau_levenshtein(wrong, name), name));
+    let distances = valid
+        .into_iter()
+        .map(|name| (strsim::damerau_levenshtein(wrong, name), name));
     let close = distances.filter(|(distance, name)| *distance <= 1 + name.len() / 4);
-    close.min_by_key(|(distance, _)| *distance).map(|(_, name)| name)
+    close
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, name)| name)
 }
 
 /// Most names that are offered for one.
@@ -68,20 +81,35 @@ pub fn nearest_names<'a>(wrong: &str, valid: impl IntoIterator<Item = &'a str>) 
     let wrong = wrong.trim().to_lowercase().replace([' ', '_'], "-");
     let tails = |name: &'a str| name.match_indices('-').map(move |(at, _)| &name[at + 1..]);
     let typed = |name: &'a str| {
-        let distances =
-            std::iter::once(name).chain(tails(name)).map(|it| (strsim::damerau_levenshtein(&wrong, it), it));
-        let close = distances.filter(|(distance, it)| *distance <= if it.len() < 4 { 0 } else { 1 + it.len() / 4 });
+        let distances = std::iter::once(name)
+            .chain(tails(name))
+            .map(|it| (strsim::damerau_levenshtein(&wrong, it), it));
+        let close = distances
+            .filter(|(distance, it)| *distance <= if it.len() < 4 { 0 } else { 1 + it.len() / 4 });
         close.map(|(distance, _)| distance).min()
     };
-    let has = |name: &'a str| wrong.len() >= PART_LEAST && tails(name).next().is_some_and(|tail| tail.contains(&wrong));
+    let has = |name: &'a str| {
+        wrong.len() >= PART_LEAST && tails(name).next().is_some_and(|tail| tail.contains(&wrong))
+    };
     let names: Vec<_> = valid.into_iter().collect();
-    let mut near: Vec<_> = names.iter().filter_map(|name| Some((typed(name)?, *name))).collect();
+    let mut near: Vec<_> = names
+        .iter()
+        .filter_map(|name| Some((typed(name)?, *name)))
+        .collect();
     if near.is_empty() {
-        near = names.iter().filter(|name| has(name)).map(|name| (0, *name)).collect();
+        near = names
+            .iter()
+            .filter(|name| has(name))
+            .map(|name| (0, *name))
+            .collect();
     }
     near.sort_unstable();
     let best = near.first().map_or(0, |(distance, _)| *distance);
-    near.into_iter().take_while(|(distance, _)| *distance <= best + 1).map(|(_, name)| name).take(OFFERED_MAX).collect()
+    near.into_iter()
+        .take_while(|(distance, _)| *distance <= best + 1)
+        .map(|(_, name)| name)
+        .take(OFFERED_MAX)
+        .collect()
 }
 
 /// `names` with commas and an `or` between them.
@@ -125,17 +153,34 @@ mod tests {
         ];
         let near = |wrong| nearest_names(wrong, NAMES);
         assert_eq!(near("hyundai-n70"), ["hyundai-n700"]);
-        assert_eq!(near("abb-acs880"), ["abb-acs380", "abb-acs580", "abb-acs550"]);
+        assert_eq!(
+            near("abb-acs880"),
+            ["abb-acs380", "abb-acs580", "abb-acs550"]
+        );
         assert_eq!(near("N700"), ["hyundai-n700"], "the maker may be left out");
         assert_eq!(near("PowerFlex 525"), ["rockwell-powerflex-525"]);
-        assert_eq!(near("flex"), ["rockwell-powerflex-4", "rockwell-powerflex-40", "rockwell-powerflex-525"]);
+        assert_eq!(
+            near("flex"),
+            [
+                "rockwell-powerflex-4",
+                "rockwell-powerflex-40",
+                "rockwell-powerflex-525"
+            ]
+        );
         assert_eq!(near("generic"), [""; 0]);
         assert_eq!(near(""), [""; 0]);
     }
 
     #[test]
     fn alternatives_are_read_as_a_sentence() {
-        let told = |names: &[&str]| alternatives(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+        let told = |names: &[&str]| {
+            alternatives(
+                &names
+                    .iter()
+                    .map(|name| (*name).to_owned())
+                    .collect::<Vec<_>>(),
+            )
+        };
         assert_eq!(told(&[]), "");
         assert_eq!(told(&["a"]), "a");
         assert_eq!(told(&["a", "b", "c"]), "a, b or c");

@@ -192,7 +192,8 @@ mod tests {
         for (index, reason) in (0..).zip(Reason::ALL) {
             assert_eq!(reason.number(), index, "numbers follow each other");
         }
-        let words: std::collections::BTreeSet<_> = Reason::ALL.iter().map(|reason| reason.word()).collect();
+        let words: std::collections::BTreeSet<_> =
+            Reason::ALL.iter().map(|reason| reason.word()).collect();
         assert_eq!(words.len(), Reason::ALL.len());
     }
 }

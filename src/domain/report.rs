@@ -29,7 +29,9 @@ pub enum LineFault {
     Stuck,
     /// The port accepts all bytes, but no drive has answered for long: the adapter is half open, its cable is cut, or
     /// everything on the line is switched off. The port stays in use and is reopened from time to time.
-    #[error("nothing received: every drive is silent, or the adapter is disconnected from the line")]
+    #[error(
+        "nothing received: every drive is silent, or the adapter is disconnected from the line"
+    )]
     Mute,
     /// The adapter echoes what is sent, and the configuration does not allow that.
     #[error("the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"`")]
@@ -44,8 +46,15 @@ pub enum LineFault {
 
 impl LineFault {
     /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Gone, Self::Failed, Self::Stuck, Self::Mute, Self::Echo, Self::OutOfStep, Self::Jammed];
+    pub const ALL: [Self; 7] = [
+        Self::Gone,
+        Self::Failed,
+        Self::Stuck,
+        Self::Mute,
+        Self::Echo,
+        Self::OutOfStep,
+        Self::Jammed,
+    ];
 
     /// The machine-readable name.
     #[must_use]

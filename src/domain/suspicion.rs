@@ -19,10 +19,14 @@ pub enum Suspicion {
     )]
     ServerSilent,
     /// Bytes arrive but never a frame, and fewer bytes than the expected replies have.
-    #[error("too few bytes and never a frame: the drives are probably set to a higher speed than the line")]
+    #[error(
+        "too few bytes and never a frame: the drives are probably set to a higher speed than the line"
+    )]
     DrivesAreFaster,
     /// Bytes arrive but never a frame, and more bytes than the expected replies have.
-    #[error("too many bytes and never a frame: the drives are probably set to a lower speed than the line")]
+    #[error(
+        "too many bytes and never a frame: the drives are probably set to a lower speed than the line"
+    )]
     DrivesAreSlower,
     /// Replies of the right length arrive, but their checksum is always wrong.
     #[error(
@@ -68,13 +72,19 @@ pub enum Suspicion {
     )]
     LateBeyondLimit(Station),
     /// Another master sends requests on this line.
-    #[error("another master sends requests on this line: a serial line can have only one; disconnect the other one")]
+    #[error(
+        "another master sends requests on this line: a serial line can have only one; disconnect the other one"
+    )]
     OtherMaster,
     /// The adapter echoes what is sent.
-    #[error("the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"` for the line")]
+    #[error(
+        "the adapter echoes what is sent: switch its echo off, or set `echo = \"strip\"` for the line"
+    )]
     Echo,
     /// A device sends without a pause.
-    #[error("something on the line never stops sending: disconnect drives one by one until it is silent")]
+    #[error(
+        "something on the line never stops sending: disconnect drives one by one until it is silent"
+    )]
     Jam,
 }
 

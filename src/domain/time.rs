@@ -26,13 +26,17 @@ impl MonoTime {
     /// The moment `micros` microseconds after the start of the clock.
     #[must_use]
     pub const fn from_micros(micros: u64) -> Self {
-        Self { nanos: micros.saturating_mul(1_000) }
+        Self {
+            nanos: micros.saturating_mul(1_000),
+        }
     }
 
     /// The moment `millis` milliseconds after the start of the clock.
     #[must_use]
     pub const fn from_millis(millis: u64) -> Self {
-        Self { nanos: millis.saturating_mul(1_000_000) }
+        Self {
+            nanos: millis.saturating_mul(1_000_000),
+        }
     }
 
     /// Nanoseconds since the start of the clock.
@@ -50,7 +54,9 @@ impl MonoTime {
     /// This moment moved back by `span`, at most to the start of the clock.
     #[must_use]
     pub fn before(self, span: Duration) -> Self {
-        Self { nanos: self.nanos.saturating_sub(nanos_of(span)) }
+        Self {
+            nanos: self.nanos.saturating_sub(nanos_of(span)),
+        }
     }
 }
 
@@ -58,13 +64,20 @@ impl Add<Duration> for MonoTime {
     type Output = Self;
 
     fn add(self, span: Duration) -> Self {
-        Self { nanos: self.nanos.saturating_add(nanos_of(span)) }
+        Self {
+            nanos: self.nanos.saturating_add(nanos_of(span)),
+        }
     }
 }
 
 impl fmt::Debug for MonoTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{:06} ms", self.nanos / 1_000_000, self.nanos % 1_000_000)
+        write!(
+            f,
+            "{}.{:06} ms",
+            self.nanos / 1_000_000,
+            self.nanos % 1_000_000
+        )
     }
 }
 
@@ -86,9 +99,18 @@ mod tests {
     #[test]
     fn sums_and_differences_never_wrap() {
         assert_eq!(MonoTime::NEVER + Duration::from_secs(1), MonoTime::NEVER);
-        assert_eq!(MonoTime::ZERO.since(MonoTime::from_millis(5)), Duration::ZERO);
-        assert_eq!(MonoTime::from_millis(3).before(Duration::from_secs(1)), MonoTime::ZERO);
-        assert_eq!((MonoTime::from_millis(7) + Duration::MAX).as_nanos(), u64::MAX);
+        assert_eq!(
+            MonoTime::ZERO.since(MonoTime::from_millis(5)),
+            Duration::ZERO
+        );
+        assert_eq!(
+            MonoTime::from_millis(3).before(Duration::from_secs(1)),
+            MonoTime::ZERO
+        );
+        assert_eq!(
+            (MonoTime::from_millis(7) + Duration::MAX).as_nanos(),
+            u64::MAX
+        );
     }
 
     #[test]

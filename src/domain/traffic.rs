@@ -24,7 +24,11 @@ impl TrafficRecord {
     /// was read.
     #[must_use]
     pub const fn at(&self) -> MonoTime {
-        if matches!(self.kind, TrafficKind::Request) { self.begin } else { self.end }
+        if matches!(self.kind, TrafficKind::Request) {
+            self.begin
+        } else {
+            self.end
+        }
     }
 }
 
@@ -114,7 +118,10 @@ impl HeardFrame {
     pub fn of(frame: &[u8]) -> Self {
         let mut bytes = [0; 16];
         let len = frame.len();
-        bytes.iter_mut().zip(frame).for_each(|(to, from)| *to = *from);
+        bytes
+            .iter_mut()
+            .zip(frame)
+            .for_each(|(to, from)| *to = *from);
         Self { bytes, len }
     }
 }
@@ -125,6 +132,10 @@ impl fmt::Display for HeardFrame {
             let space = if at > 0 { " " } else { "" };
             write!(f, "{space}{byte:02X}")?;
         }
-        if self.len > self.bytes.len() { write!(f, " ... ({} bytes)", self.len) } else { Ok(()) }
+        if self.len > self.bytes.len() {
+            write!(f, " ... ({} bytes)", self.len)
+        } else {
+            Ok(())
+        }
     }
 }

@@ -27,20 +27,40 @@ impl Bases {
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let output = model.register_for(Role::OutputFrequency);
-        let registers = [model.register_for(Role::FrequencyCommand), model.setting_register(), output];
-        let mut addresses: Vec<_> = registers.into_iter().flatten().flat_map(|it| it.form.bases()).collect();
+        let registers = [
+            model.register_for(Role::FrequencyCommand),
+            model.setting_register(),
+            output,
+        ];
+        let mut addresses: Vec<_> = registers
+            .into_iter()
+            .flatten()
+            .flat_map(|it| it.form.bases())
+            .collect();
         addresses.sort_unstable();
         addresses.dedup();
-        Self { known: addresses.into_iter().map(|address| (address, None)).collect(), limit: None }
+        Self {
+            known: addresses
+                .into_iter()
+                .map(|address| (address, None))
+                .collect(),
+            limit: None,
+        }
     }
 
     /// Takes the words that a read from `first` on brought. Returns the first register that holds another word than before.
     pub fn take(&mut self, first: Address, words: &[u16], at: MonoTime) -> Option<Address> {
         let mut changed = None;
         for (address, known) in &mut self.known {
-            let Some(word) = address.word_in(first, words) else { continue };
+            let Some(word) = address.word_in(first, words) else {
+                continue;
+            };
             let is_settled = known.is_none_or(|last| last.word == word);
-            *known = Some(Known { word, at, is_settled });
+            *known = Some(Known {
+                word,
+                at,
+                is_settled,
+            });
             changed = changed.or((!is_settled).then_some(*address));
         }
         changed
@@ -65,8 +85,13 @@ impl Bases {
     /// Whether all that `register` depends on is known at `now`, not stale, and not in the course of a change.
     #[must_use]
     pub fn are_sure(&self, register: &Register, now: MonoTime) -> bool {
-        let is_sure = |known: Known| known.is_settled && self.limit.is_none_or(|limit| now.since(known.at) < limit);
-        register.form.bases().all(|address| self.find(address).is_some_and(is_sure))
+        let is_sure = |known: Known| {
+            known.is_settled && self.limit.is_none_or(|limit| now.since(known.at) < limit)
+        };
+        register
+            .form
+            .bases()
+            .all(|address| self.find(address).is_some_and(is_sure))
     }
 
     fn find(&self, address: Address) -> Option<Known> {
@@ -81,7 +106,10 @@ mod tests {
     #[test]
     fn a_change_is_believed_when_it_was_read_twice() {
         let address = Address::holding(0x0010);
-        let mut bases = Bases { known: vec![(address, None)], limit: None };
+        let mut bases = Bases {
+            known: vec![(address, None)],
+            limit: None,
+        };
         let at = MonoTime::from_millis;
         let settled = |bases: &Bases| bases.find(address).is_some_and(|known| known.is_settled);
         assert_eq!((bases.word(address), settled(&bases)), (None, false));

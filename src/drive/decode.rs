@@ -41,15 +41,24 @@ pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, R
 ///
 /// # Errors
 /// As for [`order`]; also [`Reason::FullScaleUnknown`].
-pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) -> Result<Order, Reason> {
+pub fn order_on(
+    model: &Model,
+    bases: &Bases,
+    address: Address,
+    values: &[u16],
+) -> Result<Order, Reason> {
     let mut run = None;
     let mut direction = None;
     let mut frequency = None;
     let mut registers = Vec::new();
-    let addresses = std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
+    let addresses =
+        std::iter::successors(Some(address), |address| Some(model.next_address(*address)));
     let mut words = addresses.zip(values);
     while let Some((address, value)) = words.next() {
-        if let Some(register) = model.writable_at(address).filter(|register| register.form.pair.is_some()) {
+        if let Some(register) = model
+            .writable_at(address)
+            .filter(|register| register.form.pair.is_some())
+        {
             let (_, second) = words.next().ok_or(Reason::HalfAValue)?;
             match pair(register, [*value, *second])? {
                 DecodedPart::Frequency(hertz) => frequency = Some(hertz),
@@ -85,11 +94,15 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
         return Err(Reason::NotUnderstood);
     }
     match run {
-        Some(RunPart::Stop) if alone => Ok(Order::Stop { setpoint: frequency }),
+        Some(RunPart::Stop) if alone => Ok(Order::Stop {
+            setpoint: frequency,
+        }),
         Some(RunPart::Coast) if alone => Ok(Order::Coast),
         Some(RunPart::Reset) if alone && frequency.is_none() => Ok(Order::Reset),
         Some(RunPart::Release) if alone && frequency.is_none() => Ok(Order::Release),
-        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => Err(Reason::Conflict),
+        Some(RunPart::Stop | RunPart::Coast | RunPart::Reset | RunPart::Release) => {
+            Err(Reason::Conflict)
+        }
         Some(RunPart::Go(by_word)) => go(registers, frequency, Some(direction.unwrap_or(by_word))),
         Some(RunPart::EndReset) if alone && frequency.is_none() => Ok(Order::EndReset),
         Some(RunPart::EndReset) | None => Ok(match go(registers, frequency, None)? {
@@ -104,7 +117,9 @@ pub fn order_on(model: &Model, bases: &Bases, address: Address, values: &[u16]) 
 /// # Errors
 /// As for [`order`]; also [`Reason::NotAllowed`] for the registers that commands are written to.
 pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
-    let of_two = model.writable_at(write.address).filter(|register| register.form.pair.is_some());
+    let of_two = model
+        .writable_at(write.address)
+        .filter(|register| register.form.pair.is_some());
     let part = match (of_two, write.second) {
         (Some(register), Some(second)) => pair(register, [write.value, second])?,
         (None, None) => part(model, &Bases::default(), write.address, write.value)?,
@@ -112,32 +127,48 @@ pub fn register(model: &Model, write: RegisterWrite) -> Result<(), Reason> {
     };
     match part {
         DecodedPart::Register(_) => Ok(()),
-        DecodedPart::Run(_) | DecodedPart::Direction(_) | DecodedPart::Frequency(_) => Err(Reason::NotAllowed),
+        DecodedPart::Run(_) | DecodedPart::Direction(_) | DecodedPart::Frequency(_) => {
+            Err(Reason::NotAllowed)
+        }
     }
 }
 
-fn go(registers: Vec<RegisterWrite>, frequency: Option<Hertz>, run: Option<Direction>) -> Result<Order, Reason> {
-    Go::new(registers, frequency, run).map(Order::Go).ok_or(Reason::TooManyFrames)
+fn go(
+    registers: Vec<RegisterWrite>,
+    frequency: Option<Hertz>,
+    run: Option<Direction>,
+) -> Result<Order, Reason> {
+    Go::new(registers, frequency, run)
+        .map(Order::Go)
+        .ok_or(Reason::TooManyFrames)
 }
 
 fn part(model: &Model, bases: &Bases, address: Address, value: u16) -> Result<DecodedPart, Reason> {
     if model.second_word_at(address).is_some() {
         return Err(Reason::HalfAValue);
     }
-    let register = model.writable_at(address).or_else(|| model.stored_twin(address));
+    let register = model
+        .writable_at(address)
+        .or_else(|| model.stored_twin(address));
     let register = register.or_else(|| model.in_ram_at(address));
-    let register = register.filter(|register| register.access.can_write()).ok_or(Reason::NotListed)?;
+    let register = register
+        .filter(|register| register.access.can_write())
+        .ok_or(Reason::NotListed)?;
     let is_twin = register.address != address;
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
         _ if register.form.pair.is_some() => Err(Reason::HalfAValue),
         // A setpoint goes to its form in RAM wherever a client writes it.
-        Some(Role::FrequencyCommand) if model.ram_form(register) == Some(address) => {
-            Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value)))
-        }
+        Some(Role::FrequencyCommand) if model.ram_form(register) == Some(address) => Ok(
+            DecodedPart::Frequency(signed_frequency(model, register, bases, value)),
+        ),
         Some(role) if is_twin && role.is_guarded() => Err(Reason::NotAllowed),
-        Some(Role::RunCommand | Role::Order) => order_part(model, register.address, value).ok_or(Reason::NotUnderstood),
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(model, register, bases, value))),
+        Some(Role::RunCommand | Role::Order) => {
+            order_part(model, register.address, value).ok_or(Reason::NotUnderstood)
+        }
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(signed_frequency(
+            model, register, bases, value,
+        ))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes(value) => Err(Reason::OutsideRange),
         _ => Ok(DecodedPart::Register(RegisterWrite::new(address, value))),
@@ -160,7 +191,10 @@ fn signed_frequency(
         1.. => Some(Direction::Forward),
         _ => Some(Direction::Reverse),
     };
-    Ok((frequency(register, bases, number.unsigned_abs())?, direction))
+    Ok((
+        frequency(register, bases, number.unsigned_abs())?,
+        direction,
+    ))
 }
 
 /// The frequency that `value` orders. It must lead back to the same word, so that what is sent is what was written.
@@ -169,31 +203,55 @@ fn frequency(register: &Register, bases: &Bases, value: u16) -> Result<Hertz, Re
         return Ok(Hertz::from_word(value, register.scale));
     }
     let known = |address| bases.word(address);
-    if register.form.bases().any(|address| known(address).is_none()) {
+    if register
+        .form
+        .bases()
+        .any(|address| known(address).is_none())
+    {
         return Err(Reason::FullScaleUnknown);
     }
-    let hertz = register.frequency(value, known).ok_or(Reason::NotUnderstood)?;
+    let hertz = register
+        .frequency(value, known)
+        .ok_or(Reason::NotUnderstood)?;
     let anywhere = (Hertz::ZERO, Hertz::from_millihertz(u32::MAX));
     let is_same = register.word_of(hertz, anywhere, known) == Some(value);
-    if is_same { Ok(hertz) } else { Err(Reason::BetweenSteps) }
+    if is_same {
+        Ok(hertz)
+    } else {
+        Err(Reason::BetweenSteps)
+    }
 }
 
 /// The meaning of both words of a value.
 fn pair(register: &Register, words: [u16; 2]) -> Result<DecodedPart, Reason> {
     match register.role {
         _ if register.back_door.is_some() => Err(Reason::NotAllowed),
-        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Ok((frequency_of_pair(register, words)?, None)))),
+        Some(Role::FrequencyCommand) => Ok(DecodedPart::Frequency(Ok((
+            frequency_of_pair(register, words)?,
+            None,
+        )))),
         Some(role) if role.is_guarded() => Err(Reason::NotAllowed),
         _ if !register.takes_both(words) => Err(Reason::OutsideRange),
-        _ => Ok(DecodedPart::Register(RegisterWrite::pair(register.address, words))),
+        _ => Ok(DecodedPart::Register(RegisterWrite::pair(
+            register.address,
+            words,
+        ))),
     }
 }
 
 /// The frequency that both words of a setpoint order. It must lead back to the same words.
 fn frequency_of_pair(register: &Register, words: [u16; 2]) -> Result<Hertz, Reason> {
-    let number = register.number(|address| address.word_in(register.address, &words)).ok_or(Reason::NotUnderstood)?;
-    let hertz = register.magnitude(number, |_| None).ok_or(Reason::OutsideRange)?;
-    if register.pair_of(hertz) == Some(words) { Ok(hertz) } else { Err(Reason::BetweenSteps) }
+    let number = register
+        .number(|address| address.word_in(register.address, &words))
+        .ok_or(Reason::NotUnderstood)?;
+    let hertz = register
+        .magnitude(number, |_| None)
+        .ok_or(Reason::OutsideRange)?;
+    if register.pair_of(hertz) == Some(words) {
+        Ok(hertz)
+    } else {
+        Err(Reason::BetweenSteps)
+    }
 }
 
 /// What `value` orders in the register at `address`, which takes orders.
@@ -206,7 +264,10 @@ fn order_part(model: &Model, address: Address, value: u16) -> Option<DecodedPart
         };
         return Some(DecodedPart::Direction(direction));
     }
-    let kind = model.orders_at(address).find(|(_, fact)| fact.value == value).map(|(kind, _)| kind);
+    let kind = model
+        .orders_at(address)
+        .find(|(_, fact)| fact.value == value)
+        .map(|(kind, _)| kind);
     let clears = || {
         let clear = model.reset_clears()?;
         ((clear.address, clear.value) == (address, value)).then_some(RunPart::EndReset)
@@ -225,7 +286,10 @@ fn order_part(model: &Model, address: Address, value: u16) -> Option<DecodedPart
 
 /// What the run command `value` orders although it is not the word of an order: a word of zeros.
 fn other_word(model: &Model, address: Address, value: u16) -> Option<RunPart> {
-    let run = model.run.as_ref().filter(|_| model.takes_run_commands(address))?;
+    let run = model
+        .run
+        .as_ref()
+        .filter(|_| model.takes_run_commands(address))?;
     Some(match run.order_in(value)? {
         OrderedWord::Stop => RunPart::Stop,
         OrderedWord::Coast => RunPart::Coast,
@@ -240,7 +304,9 @@ fn other_word(model: &Model, address: Address, value: u16) -> Option<RunPart> {
 /// # Errors
 /// [`Reason::Conflict`]
 fn together(first: Option<RunPart>, second: RunPart) -> Result<RunPart, Reason> {
-    let Some(first) = first else { return Ok(second) };
+    let Some(first) = first else {
+        return Ok(second);
+    };
     let both = [first, second];
     for stops in [RunPart::Stop, RunPart::Coast] {
         if both.contains(&stops) {
@@ -255,7 +321,10 @@ fn together(first: Option<RunPart>, second: RunPart) -> Result<RunPart, Reason> 
 }
 
 fn has_direction(model: &Model) -> bool {
-    model.run.as_ref().is_some_and(|run| run.places.direction.is_some() || run.places.by_sign)
+    model
+        .run
+        .as_ref()
+        .is_some_and(|run| run.places.direction.is_some() || run.places.by_sign)
 }
 
 #[cfg(test)]
@@ -280,7 +349,11 @@ mod tests {
             (0x0101, Err(Reason::NotUnderstood)),
         ];
         for (value, expected) in orders {
-            assert_eq!(order(&model, 0x0002_u16.into(), &[value]), expected, "{value}");
+            assert_eq!(
+                order(&model, 0x0002_u16.into(), &[value]),
+                expected,
+                "{value}"
+            );
         }
     }
 
@@ -288,20 +361,49 @@ mod tests {
     fn registers_and_back_doors_are_distinguished() {
         let model = model();
         let setpoint = Go::new(Vec::new(), Some(Hertz::from_centihertz(6000)), None).unwrap();
-        assert_eq!(order(&model, 0x0004_u16.into(), &[6000]), Ok(Order::Go(setpoint)));
+        assert_eq!(
+            order(&model, 0x0004_u16.into(), &[6000]),
+            Ok(Order::Go(setpoint))
+        );
         let ramp = Go::new(vec![RegisterWrite::new(0x020C_u16, 100)], None, None).unwrap();
-        assert_eq!(order(&model, 0x020C_u16.into(), &[100]), Ok(Order::Go(ramp)));
-        assert_eq!(order(&model, 0x0211_u16.into(), &[3]), Err(Reason::NotAllowed), "F010 frequency source");
-        assert_eq!(order(&model, 0x0212_u16.into(), &[1]), Err(Reason::NotAllowed), "F011 run source");
-        assert_eq!(order(&model, 0x0201_u16.into(), &[6000]), Err(Reason::NotListed), "F001 is not writable");
-        assert_eq!(order(&model, 0x0002_u16.into(), &[1, 0]), Err(Reason::NotListed), "0x0003 is not known");
-        assert_eq!(order(&model, 0x1234_u16.into(), &[1]), Err(Reason::NotListed));
+        assert_eq!(
+            order(&model, 0x020C_u16.into(), &[100]),
+            Ok(Order::Go(ramp))
+        );
+        assert_eq!(
+            order(&model, 0x0211_u16.into(), &[3]),
+            Err(Reason::NotAllowed),
+            "F010 frequency source"
+        );
+        assert_eq!(
+            order(&model, 0x0212_u16.into(), &[1]),
+            Err(Reason::NotAllowed),
+            "F011 run source"
+        );
+        assert_eq!(
+            order(&model, 0x0201_u16.into(), &[6000]),
+            Err(Reason::NotListed),
+            "F001 is not writable"
+        );
+        assert_eq!(
+            order(&model, 0x0002_u16.into(), &[1, 0]),
+            Err(Reason::NotListed),
+            "0x0003 is not known"
+        );
+        assert_eq!(
+            order(&model, 0x1234_u16.into(), &[1]),
+            Err(Reason::NotListed)
+        );
     }
     #[test]
     fn the_sign_of_a_setpoint_is_the_direction_where_a_drive_turns_by_it() {
         let mut model = model();
         model.run.as_mut().unwrap().places.by_sign = true;
-        for register in model.registers.iter_mut().filter(|it| it.role == Some(Role::FrequencyCommand)) {
+        for register in model
+            .registers
+            .iter_mut()
+            .filter(|it| it.role == Some(Role::FrequencyCommand))
+        {
             register.address = 0x0003_u16.into();
             register.signed = true;
             register.form.sign_is_direction = true;
@@ -318,9 +420,22 @@ mod tests {
         assert_eq!(at(2, &[1, below]), go(Some(reverse), None));
         assert_eq!(at(3, &[3000]), go(None, Some(forward)));
         assert_eq!(at(3, &[below]), go(None, Some(reverse)));
-        assert_eq!(at(2, &[1]), Err(Reason::NotUnderstood), "it says no direction");
-        assert_eq!(at(3, &[0x8000]), Err(Reason::NotUnderstood), "it has no magnitude in the register");
-        assert_eq!(at(2, &[0, below]), Ok(Order::Stop { setpoint: Some(Hertz::from_centihertz(3000)) }));
+        assert_eq!(
+            at(2, &[1]),
+            Err(Reason::NotUnderstood),
+            "it says no direction"
+        );
+        assert_eq!(
+            at(3, &[0x8000]),
+            Err(Reason::NotUnderstood),
+            "it has no magnitude in the register"
+        );
+        assert_eq!(
+            at(2, &[0, below]),
+            Ok(Order::Stop {
+                setpoint: Some(Hertz::from_centihertz(3000))
+            })
+        );
         let zero = Go::new(Vec::new(), Some(Hertz::ZERO), None).unwrap();
         assert_eq!(at(3, &[0]), Ok(Order::Go(zero)));
     }
@@ -329,27 +444,48 @@ mod tests {
     fn a_stored_twin_counts_as_its_register() {
         let mut model = model();
         let exists = crate::drive::testing::fact(15);
-        assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Err(Reason::NotListed), "the model has no twins");
+        assert_eq!(
+            order(&model, 0x820C_u16.into(), &[100]),
+            Err(Reason::NotListed),
+            "the model has no twins"
+        );
         model.quirks.stored_alias_bit = Some(exists);
         let ramp = Go::new(vec![RegisterWrite::new(0x820C_u16, 100)], None, None).unwrap();
-        assert_eq!(order(&model, 0x820C_u16.into(), &[100]), Ok(Order::Go(ramp)));
+        assert_eq!(
+            order(&model, 0x820C_u16.into(), &[100]),
+            Ok(Order::Go(ramp))
+        );
         for guarded in [0x8002, 0x8004, 0x8211, 0x8212] {
-            assert_eq!(order(&model, guarded.into(), &[1]), Err(Reason::NotAllowed), "{guarded:04X}");
+            assert_eq!(
+                order(&model, guarded.into(), &[1]),
+                Err(Reason::NotAllowed),
+                "{guarded:04X}"
+            );
         }
     }
 
     #[test]
     fn a_back_door_stays_shut_and_a_range_is_kept() {
         let mut model = model();
-        for register in model.registers.iter_mut().filter(|register| register.access.can_write()) {
+        for register in model
+            .registers
+            .iter_mut()
+            .filter(|register| register.access.can_write())
+        {
             match register.address.number() {
                 0x020C => register.back_door = Some("another way in".to_owned()),
                 0x020E => register.range = Some(1..=30_000),
                 _ => {}
             }
         }
-        assert_eq!(order(&model, 0x020C_u16.into(), &[100]), Err(Reason::NotAllowed));
-        assert_eq!(order(&model, 0x020E_u16.into(), &[0]), Err(Reason::OutsideRange));
+        assert_eq!(
+            order(&model, 0x020C_u16.into(), &[100]),
+            Err(Reason::NotAllowed)
+        );
+        assert_eq!(
+            order(&model, 0x020E_u16.into(), &[0]),
+            Err(Reason::OutsideRange)
+        );
         assert!(order(&model, 0x020E_u16.into(), &[1]).is_ok());
     }
 }

@@ -46,7 +46,10 @@ impl Points {
     /// Digits after the decimal point with which `register` is published; `None` for all that it has.
     #[must_use]
     pub fn decimals_of(&self, register: &Register) -> Option<u8> {
-        self.decimals.iter().find(|(name, _)| *name == register.name).map(|(_, digits)| *digits)
+        self.decimals
+            .iter()
+            .find(|(name, _)| *name == register.name)
+            .map(|(_, digits)| *digits)
     }
 }
 
@@ -110,7 +113,9 @@ impl DriveDescription {
     /// Which functions come over the bus.
     #[must_use]
     pub fn bus(&self) -> BusFunctions {
-        self.control.as_ref().map_or(BusFunctions::Both, |control| control.bus)
+        self.control
+            .as_ref()
+            .map_or(BusFunctions::Both, |control| control.bus)
     }
 
     /// The age from which a reading of `register` is stale; `None` if the register is not polled.
@@ -142,13 +147,23 @@ impl DriveDescription {
     pub fn freshness(&self, register: &Register) -> Option<Freshness> {
         let basis = |address| Some((address, self.basis_stale_after(address)?));
         let bases = register.form.bases().map(basis).collect::<Option<_>>()?;
-        Some(Freshness { own: self.stale_after(register)?, bases })
+        Some(Freshness {
+            own: self.stale_after(register)?,
+            bases,
+        })
     }
 
     /// The value of `register`, unless it is stale at `now`.
     #[must_use]
-    pub fn fresh(&self, register: &Register, snapshot: &DriveSnapshot, now: MonoTime) -> Option<ValueReading> {
-        let is_fresh = self.stale_at(register, snapshot).is_some_and(|stale_at| now < stale_at);
+    pub fn fresh(
+        &self,
+        register: &Register,
+        snapshot: &DriveSnapshot,
+        now: MonoTime,
+    ) -> Option<ValueReading> {
+        let is_fresh = self
+            .stale_at(register, snapshot)
+            .is_some_and(|stale_at| now < stale_at);
         snapshot.value(register).filter(|_| is_fresh)
     }
 }

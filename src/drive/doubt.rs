@@ -38,7 +38,10 @@ impl FallWatch {
     /// What `value`, read at `at`, is to be compared with, where `known` was believed last; `None`: nothing follows from it
     /// yet, because it is lower.
     pub fn base(&mut self, value: u64, known: u64, at: MonoTime) -> Option<u64> {
-        if self.fall.is_some_and(|fall| fall.is_believed && at.since(fall.at) >= FALL_IS_RECENT) {
+        if self
+            .fall
+            .is_some_and(|fall| fall.is_believed && at.since(fall.at) >= FALL_IS_RECENT)
+        {
             self.fall = None;
         }
         let Some(fall) = self.fall else {
@@ -61,12 +64,20 @@ impl FallWatch {
             return None;
         }
         let is_believed = at.since(fall.at) >= FALL_HOLDS;
-        self.fall = Some(Fall { is_believed, ..fall });
+        self.fall = Some(Fall {
+            is_believed,
+            ..fall
+        });
         is_believed.then_some(fall.to)
     }
 
     const fn begins(&mut self, from: u64, to: u64, at: MonoTime) {
-        self.fall = Some(Fall { from, to, at, is_believed: false });
+        self.fall = Some(Fall {
+            from,
+            to,
+            at,
+            is_believed: false,
+        });
     }
 
     /// Whether the counter has fallen lately.
@@ -109,7 +120,8 @@ impl Doubted {
     /// Whether the read of `words` from `address` on shows another word in it.
     fn is_disproved(&self, address: Address, words: &[u16]) -> bool {
         let here = self.first.onwards().take(self.count);
-        here.filter_map(|it| it.word_in(address, words)).any(|word| word != self.word)
+        here.filter_map(|it| it.word_in(address, words))
+            .any(|word| word != self.word)
     }
 }
 
@@ -123,25 +135,40 @@ impl BlankWatch {
         (address, words): (Address, &[u16]),
         at: MonoTime,
     ) -> bool {
-        let blank = words.first().copied().filter(|word| is_blank(*word) && words.len() > 1);
+        let blank = words
+            .first()
+            .copied()
+            .filter(|word| is_blank(*word) && words.len() > 1);
         let blank = blank.filter(|blank| words.iter().all(|word| word == blank));
         let had_values = |blank: u16| {
             address.onwards().take(words.len()).any(|it| {
-                let is_other = snapshot.reading(it).is_some_and(|reading| reading.raw != blank);
+                let is_other = snapshot
+                    .reading(it)
+                    .is_some_and(|reading| reading.raw != blank);
                 is_other && (blank != 0 || is_never_zero(model, it))
             })
         };
-        let is_over = |it: &Doubted| at.since(it.since) >= DOUBT_LASTS || it.is_disproved(address, words);
+        let is_over =
+            |it: &Doubted| at.since(it.since) >= DOUBT_LASTS || it.is_disproved(address, words);
         self.doubted.retain(|it| !is_over(it));
         let Some(blank) = blank.filter(|blank| had_values(*blank)) else {
             self.doubted.retain(|it| it.first != address);
             return false;
         };
-        match self.doubted.iter().find(|it| it.word == blank && it.holds(address, words.len())) {
+        match self
+            .doubted
+            .iter()
+            .find(|it| it.word == blank && it.holds(address, words.len()))
+        {
             Some(known) => at.since(known.since) < READ_AGAIN_AFTER,
             None if self.doubted.len() >= BLOCKS_MAX => false,
             None => {
-                self.doubted.push(Doubted { first: address, count: words.len(), word: blank, since: at });
+                self.doubted.push(Doubted {
+                    first: address,
+                    count: words.len(),
+                    word: blank,
+                    since: at,
+                });
                 true
             }
         }
@@ -155,10 +182,16 @@ const fn is_blank(word: u16) -> bool {
 /// Whether a register that held a value does not come to 0 by itself, as one that measures the motor does.
 fn is_never_zero(model: &Model, address: Address) -> bool {
     let lasts = |role: Option<Role>, poll: Option<PollClass>| match role {
-        Some(role) => matches!(role, Role::DcLinkVoltage | Role::RunHours | Role::Energy | Role::TripCount),
+        Some(role) => matches!(
+            role,
+            Role::DcLinkVoltage | Role::RunHours | Role::Energy | Role::TripCount
+        ),
         None => matches!(poll, Some(PollClass::Minutely | PollClass::Hourly)),
     };
-    model.registers.iter().any(|it| it.address == address && lasts(it.role, it.poll))
+    model
+        .registers
+        .iter()
+        .any(|it| it.address == address && lasts(it.role, it.poll))
 }
 
 #[cfg(test)]
@@ -177,7 +210,11 @@ mod tests {
         for second in 1..11 {
             assert_eq!(watch.base(0, 5, at(second)), None, "{second}");
         }
-        assert_eq!(watch.base(1, 5, at(11)), Some(0), "what it has counted since then counts");
+        assert_eq!(
+            watch.base(1, 5, at(11)),
+            Some(0),
+            "what it has counted since then counts"
+        );
         assert_eq!(watch.base(1, 1, at(12)), Some(1));
     }
 
@@ -189,7 +226,11 @@ mod tests {
             for second in 1..=back_after {
                 known = watch.base(0, known, at(second)).unwrap_or(known);
             }
-            assert_eq!(watch.base(5, known, at(1 + back_after)), Some(5), "{back_after}");
+            assert_eq!(
+                watch.base(5, known, at(1 + back_after)),
+                Some(5),
+                "{back_after}"
+            );
             assert!(!watch.has_fallen());
         }
         let mut watch = FallWatch::default();
@@ -197,7 +238,11 @@ mod tests {
         for second in 1..=70 {
             known = watch.base(0, known, at(second)).unwrap_or(known);
         }
-        assert_eq!((known, watch.base(5, known, at(71))), (0, Some(0)), "later it has counted");
+        assert_eq!(
+            (known, watch.base(5, known, at(71))),
+            (0, Some(0)),
+            "later it has counted"
+        );
     }
 
     #[test]
@@ -219,7 +264,12 @@ mod tests {
         snapshot.take(output, &[3000, 0], at(0));
         let mut watch = BlankWatch::default();
         let mut doubts = |address: Address, words: &[u16], ms: u64| {
-            watch.doubts(&model, &snapshot, (address, words), MonoTime::from_millis(ms))
+            watch.doubts(
+                &model,
+                &snapshot,
+                (address, words),
+                MonoTime::from_millis(ms),
+            )
         };
         for blank in [0, u16::MAX] {
             assert!(doubts(count, &[blank; 2], 1000));
@@ -235,9 +285,15 @@ mod tests {
         assert!(doubts(count, &[0; 2], 4000));
         let before = Address::holding(count.number() - 1);
         assert!(!doubts(before, &[7, 5, 0], 4100));
-        assert!(doubts(count, &[0; 2], 6000), "the next time it begins again");
+        assert!(
+            doubts(count, &[0; 2], 6000),
+            "the next time it begins again"
+        );
         // Nothing was read since.
-        assert!(doubts(count, &[0; 2], 3_606_000), "what was doubted an hour ago");
+        assert!(
+            doubts(count, &[0; 2], 3_606_000),
+            "what was doubted an hour ago"
+        );
         assert!(doubts(output, &[u16::MAX; 2], 3000));
     }
 }

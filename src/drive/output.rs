@@ -22,14 +22,27 @@ impl OutputRegister {
     /// That of `model`, if it has one.
     #[must_use]
     pub fn of(model: &Model) -> Option<Self> {
-        let command = model.register_for(Role::FrequencyCommand).filter(|it| it.is_exact());
-        let range = command.and_then(|it| it.magnitude((*it.range.as_ref()?.end()).into(), |_| None));
+        let command = model
+            .register_for(Role::FrequencyCommand)
+            .filter(|it| it.is_exact());
+        let range =
+            command.and_then(|it| it.magnitude((*it.range.as_ref()?.end()).into(), |_| None));
         let range = range.unwrap_or(RANGE_UNSTATED);
-        model.register_for(Role::OutputFrequency).cloned().map(|register| {
-            // What its steps are, another register says.
-            let is_known = register.form.scale_by.is_none();
-            Self { register, range: if is_known { range } else { Hertz::from_millihertz(u32::MAX) } }
-        })
+        model
+            .register_for(Role::OutputFrequency)
+            .cloned()
+            .map(|register| {
+                // What its steps are, another register says.
+                let is_known = register.form.scale_by.is_none();
+                Self {
+                    register,
+                    range: if is_known {
+                        range
+                    } else {
+                        Hertz::from_millihertz(u32::MAX)
+                    },
+                }
+            })
     }
 
     /// Where it is.
@@ -49,7 +62,8 @@ impl OutputRegister {
     pub fn steps(&self, first: Address, words: &[u16]) -> Option<u16> {
         let number = self.number(first, words)?.unsigned_abs();
         let steps = match self.register.form.pair {
-            Some(_) => (number * u64::from(PAIR_SCALE * self.register.form.per)).div_ceil(self.register.scale.into()),
+            Some(_) => (number * u64::from(PAIR_SCALE * self.register.form.per))
+                .div_ceil(self.register.scale.into()),
             None => number,
         };
         Some(u16::try_from(steps).unwrap_or(u16::MAX))
@@ -61,7 +75,8 @@ impl OutputRegister {
     pub fn is_reverse(&self, first: Address, words: &[u16]) -> Option<Option<bool>> {
         let number = self.number(first, words)?;
         let is_stated = !self.register.not_stated.contains(&FactPart::Sign);
-        let is_shown = self.register.form.sign_is_direction && (number < 0 || (number > 0 && is_stated));
+        let is_shown =
+            self.register.form.sign_is_direction && (number < 0 || (number > 0 && is_stated));
         Some(is_shown.then_some(number < 0))
     }
 
@@ -75,10 +90,21 @@ impl OutputRegister {
             return self.register.scale;
         }
         // Without its full scale, a hundredth of it is taken for a hertz: more is noticed rather than less.
-        let fraction = self.register.form.full_scale.as_ref().map(|scale| scale.steps / 100);
+        let fraction = self
+            .register
+            .form
+            .full_scale
+            .as_ref()
+            .map(|scale| scale.steps / 100);
         let hertz = Hertz::from_millihertz(1000);
-        let of_hertz = self.register.words_within((Hertz::ZERO, hertz), |address| bases.word(address));
-        of_hertz.map(|(_, steps)| steps.into()).or(fraction).unwrap_or(self.register.scale).max(1)
+        let of_hertz = self
+            .register
+            .words_within((Hertz::ZERO, hertz), |address| bases.word(address));
+        of_hertz
+            .map(|(_, steps)| steps.into())
+            .or(fraction)
+            .unwrap_or(self.register.scale)
+            .max(1)
     }
 
     /// The frequency of a magnitude; `None` if its full scale is not known.
@@ -90,10 +116,12 @@ impl OutputRegister {
         if self.register.is_exact() {
             return Some(Hertz::from_word(steps, self.register.scale));
         }
-        self.register.magnitude(steps.into(), |address| bases.word(address))
+        self.register
+            .magnitude(steps.into(), |address| bases.word(address))
     }
 
     fn number(&self, first: Address, words: &[u16]) -> Option<i64> {
-        self.register.number(|address| address.word_in(first, words))
+        self.register
+            .number(|address| address.word_in(first, words))
     }
 }

@@ -121,7 +121,13 @@ impl PollPlan {
             refused: None,
         };
         let entries = groups.into_iter().zip(moments).map(entry).collect();
-        Self { pace, answers: 1, bridges: Bridges::default(), last: None, entries }
+        Self {
+            pace,
+            answers: 1,
+            bridges: Bridges::default(),
+            last: None,
+            entries,
+        }
     }
 
     /// The port was opened at `now`. Groups never read and fast groups are due at once; all others wait for their
@@ -141,7 +147,11 @@ impl PollPlan {
 
     /// What was refused is asked again: the drive may be another one, or set in another way.
     fn ask_refused(&mut self, now: MonoTime) {
-        for entry in self.entries.iter_mut().filter(|entry| entry.refused.is_some()) {
+        for entry in self
+            .entries
+            .iter_mut()
+            .filter(|entry| entry.refused.is_some())
+        {
             entry.regular = entry.regular.min(now);
             entry.due = entry.due.min(now);
         }
@@ -161,7 +171,12 @@ impl PollPlan {
 
     /// The registers that the drive refuses to show.
     pub fn refused_registers(&self) -> impl Iterator<Item = RefusedRegister> + '_ {
-        let refused = |entry: &Entry| Some(RefusedRegister { address: entry.group.address, code: entry.refused? });
+        let refused = |entry: &Entry| {
+            Some(RefusedRegister {
+                address: entry.group.address,
+                code: entry.refused?,
+            })
+        };
         self.entries.iter().filter_map(refused)
     }
 
@@ -203,8 +218,17 @@ impl PollPlan {
             self.was_in_vain(address, count, now);
             return None;
         }
-        let first = self.entries.iter().position(|entry| holds((address, count), entry.group))?;
-        if self.entries.iter().filter(|entry| holds((address, count), entry.group)).count() == 1 {
+        let first = self
+            .entries
+            .iter()
+            .position(|entry| holds((address, count), entry.group))?;
+        if self
+            .entries
+            .iter()
+            .filter(|entry| holds((address, count), entry.group))
+            .count()
+            == 1
+        {
             return self.part_refused(first, code, model, now);
         }
         for entry in within(&mut self.entries, address, count) {
@@ -216,11 +240,23 @@ impl PollPlan {
 
     /// The drive refused the entry at `index` alone: its halves are asked, or its only register is left out. It is then
     /// refused in earnest: once may be chance.
-    fn part_refused(&mut self, index: usize, code: u8, model: &Model, now: MonoTime) -> Option<RefusedRegister> {
+    fn part_refused(
+        &mut self,
+        index: usize,
+        code: u8,
+        model: &Model,
+        now: MonoTime,
+    ) -> Option<RefusedRegister> {
         let answers = self.answers;
         let entry = self.entries.get_mut(index)?;
         if let Some((low, high)) = entry.group.halves(model) {
-            let part = |group| Entry { group, due: now, is_apart: true, vain: Vain::default(), ..*entry };
+            let part = |group| Entry {
+                group,
+                due: now,
+                is_apart: true,
+                vain: Vain::default(),
+                ..*entry
+            };
             let (low, high) = (part(low), part(high));
             *entry = low;
             self.entries.insert(index + 1, high);
@@ -230,10 +266,18 @@ impl PollPlan {
         if !entry.vain.again(answers) {
             return None;
         }
-        entry.regular = now + if model.is_essential(entry.group.address) { SOON } else { SELDOM };
+        entry.regular = now
+            + if model.is_essential(entry.group.address) {
+                SOON
+            } else {
+                SELDOM
+            };
         entry.due = entry.regular;
         let is_new = entry.refused.replace(code).is_none();
-        is_new.then_some(RefusedRegister { address: entry.group.address, code })
+        is_new.then_some(RefusedRegister {
+            address: entry.group.address,
+            code,
+        })
     }
 
     /// The drive was silent on a read of `count` words from `address` on.
@@ -266,7 +310,11 @@ impl PollPlan {
 
     /// The drive answers again: registers that a person may have changed meanwhile are due at once.
     pub fn drive_is_back(&mut self, now: MonoTime) {
-        for entry in self.entries.iter_mut().filter(|entry| entry.group.class == PollClass::Minutely) {
+        for entry in self
+            .entries
+            .iter_mut()
+            .filter(|entry| entry.group.class == PollClass::Minutely)
+        {
             entry.due = entry.due.min(now);
         }
         self.ask_refused(now);
@@ -274,30 +322,44 @@ impl PollPlan {
 
     /// The register at `address` is due at `moment`, if not earlier.
     pub fn ask_for(&mut self, address: Address, moment: MonoTime) {
-        for entry in self.entries.iter_mut().filter(|entry| covers(entry.group, address)) {
+        for entry in self
+            .entries
+            .iter_mut()
+            .filter(|entry| covers(entry.group, address))
+        {
             entry.due = entry.due.min(moment);
         }
     }
 
     /// Index, group and due time of each group.
     pub fn iter(&self) -> impl Iterator<Item = (usize, PollGroup, MonoTime)> + '_ {
-        self.entries.iter().enumerate().map(|(index, entry)| (index, entry.group, entry.due))
+        self.entries
+            .iter()
+            .enumerate()
+            .map(|(index, entry)| (index, entry.group, entry.due))
     }
 
     /// How urgent a group is at `now` that has been due since `due`.
     #[must_use]
     pub fn urgency(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> Urgency {
         // An hourly poll must not wait for hours.
-        let period = group.period(self.pace).min(self.pace.period(PollClass::Slow));
+        let period = group
+            .period(self.pace)
+            .min(self.pace.period(PollClass::Slow));
         let waited = now.since(due).as_millis() / period.as_millis().max(1);
-        (Reverse(u64::try_from(waited).unwrap_or(u64::MAX)), group.class, due)
+        (
+            Reverse(u64::try_from(waited).unwrap_or(u64::MAX)),
+            group.class,
+            due,
+        )
     }
 
     /// Whether a group that has been due since `due` is too old at `now` to wait for others: a fast one after half its
     /// period, any other after a whole one.
     #[must_use]
     pub fn is_aged(&self, group: PollGroup, due: MonoTime, now: MonoTime) -> bool {
-        let is_fast = group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.pace);
+        let is_fast =
+            group.class == PollClass::Fast && now.since(due) * 2 > group.period(self.pace);
         is_fast || self.urgency(group, due, now).0.0 > 0
     }
 
@@ -310,7 +372,12 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(Address, u16)> {
-        let Entry { group: mut all, is_trusted, is_apart, .. } = *self.entries.get(index)?;
+        let Entry {
+            group: mut all,
+            is_trusted,
+            is_apart,
+            ..
+        } = *self.entries.get(index)?;
         self.sent(index, now);
         let mut has_holes = false;
         while is_trusted
@@ -335,19 +402,35 @@ impl PollPlan {
         model: &Model,
         may_go: impl Fn(Address, u16) -> bool,
     ) -> Option<(usize, PollGroup, u16)> {
-        let is_apart = |address| self.entries.iter().any(|it| it.is_apart && covers(it.group, address));
+        let is_apart = |address| {
+            self.entries
+                .iter()
+                .any(|it| it.is_apart && covers(it.group, address))
+        };
         let joined = |entry: &Entry| {
             let (address, count, hole) = all.with(&entry.group, model)?;
             let mut between = all.between(&entry.group);
-            let may_bridge =
-                !self.bridges.are_refused && between.all(|it| may_be_read_along(model, it) && !is_apart(it));
+            let may_bridge = !self.bridges.are_refused
+                && between.all(|it| may_be_read_along(model, it) && !is_apart(it));
             ((hole == 0 || may_bridge) && may_go(address, count)).then_some((address, count, hole))
         };
         let may_join = |entry: &Entry| entry.is_trusted && !entry.is_apart && entry.due <= now;
-        let due = self.entries.iter().enumerate().filter(|(_, entry)| may_join(entry));
+        let due = self
+            .entries
+            .iter()
+            .enumerate()
+            .filter(|(_, entry)| may_join(entry));
         let fitting = due.filter_map(|(index, entry)| {
             let (address, count, hole) = joined(entry)?;
-            Some((index, PollGroup { address, count, ..*all }, hole))
+            Some((
+                index,
+                PollGroup {
+                    address,
+                    count,
+                    ..*all
+                },
+                hole,
+            ))
         });
         // The nearest, so that what lies between the two is not read on its own.
         fitting.min_by_key(|(_, longer, _)| longer.count)
@@ -377,7 +460,9 @@ impl Entry {
 
 /// The entries that lie within `count` words from `address` on.
 fn within(entries: &mut [Entry], address: Address, count: u16) -> impl Iterator<Item = &mut Entry> {
-    entries.iter_mut().filter(move |entry| holds((address, count), entry.group))
+    entries
+        .iter_mut()
+        .filter(move |entry| holds((address, count), entry.group))
 }
 
 /// Whether `group` lies within a read.
@@ -388,5 +473,7 @@ fn holds((address, count): (Address, u16), group: PollGroup) -> bool {
 
 /// Whether the register at `address` is in `group`.
 fn covers(group: PollGroup, address: Address) -> bool {
-    address.offset_from(group.address).is_some_and(|offset| offset < group.count)
+    address
+        .offset_from(group.address)
+        .is_some_and(|offset| offset < group.count)
 }

@@ -26,9 +26,15 @@ impl Plausibility {
     /// That of a drive of `model` of which nothing was read; it holds if the model asks for nothing.
     #[must_use]
     pub fn of(model: &Model) -> Self {
-        let asked = model.registers.iter().filter(|register| register.plausible.is_some());
+        let asked = model
+            .registers
+            .iter()
+            .filter(|register| register.plausible.is_some());
         let registers: Vec<_> = asked.map(|register| (register.clone(), None)).collect();
-        Self { holds: registers.is_empty(), registers }
+        Self {
+            holds: registers.is_empty(),
+            registers,
+        }
     }
 
     /// Whether the drive is believed.
@@ -44,19 +50,24 @@ impl Plausibility {
         }
         let mut failed = None;
         for (register, seen) in &mut self.registers {
-            let Some(word) = register.address.word_in(first, words) else { continue };
+            let Some(word) = register.address.word_in(first, words) else {
+                continue;
+            };
             let number = register.number_in(word);
-            let is_in = register
-                .plausible
-                .as_ref()
-                .is_some_and(|range| (i64::from(*range.start())..=i64::from(*range.end())).contains(&number));
+            let is_in = register.plausible.as_ref().is_some_and(|range| {
+                (i64::from(*range.start())..=i64::from(*range.end())).contains(&number)
+            });
             if !is_in && *seen != Some(false) {
                 failed = Some(Verdict::Fails(register.address, word));
             }
             *seen = Some(is_in);
         }
         self.holds = self.registers.iter().all(|(_, seen)| *seen == Some(true));
-        if self.holds { Some(Verdict::Holds) } else { failed }
+        if self.holds {
+            Some(Verdict::Holds)
+        } else {
+            failed
+        }
     }
 
     /// The drive is out of sight: it may be another one when it is back.
@@ -74,7 +85,12 @@ mod tests {
     /// Two registers of the test model, with ranges.
     fn asked() -> (Plausibility, [Address; 2]) {
         let mut model = model();
-        let readable: Vec<_> = model.registers.iter_mut().filter(|it| it.access.can_read()).take(2).collect();
+        let readable: Vec<_> = model
+            .registers
+            .iter_mut()
+            .filter(|it| it.access.can_read())
+            .take(2)
+            .collect();
         let places: Vec<_> = readable.iter().map(|it| it.address).collect();
         for register in readable {
             register.signed = false;
@@ -87,11 +103,19 @@ mod tests {
     fn all_registers_must_have_been_in_their_ranges_and_then_it_holds_until_the_drive_is_away() {
         let (mut it, [first, second]) = asked();
         assert!(!it.holds());
-        assert_eq!(it.take(first, &[540]), None, "the other one was not read yet");
+        assert_eq!(
+            it.take(first, &[540]),
+            None,
+            "the other one was not read yet"
+        );
         assert_eq!(it.take(second, &[0]), Some(Verdict::Fails(second, 0)));
         assert_eq!(it.take(second, &[0]), None, "it is told once");
         assert_eq!(it.take(second, &[150]), Some(Verdict::Holds));
-        assert_eq!((it.take(first, &[0]), it.holds()), (None, true), "the supply may go later");
+        assert_eq!(
+            (it.take(first, &[0]), it.holds()),
+            (None, true),
+            "the supply may go later"
+        );
         it.forget();
         assert!(!it.holds());
         assert!(Plausibility::of(&model()).holds(), "nothing is asked");

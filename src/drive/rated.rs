@@ -22,7 +22,9 @@ impl Rated {
             (Role::OutputCurrent | Role::TripCurrent, UnitOfMeasure::Percent) => {
                 (ratings.current_ma?, UnitOfMeasure::Ampere)
             }
-            (Role::OutputVoltage, UnitOfMeasure::Percent) => (ratings.voltage_mv?, UnitOfMeasure::Volt),
+            (Role::OutputVoltage, UnitOfMeasure::Percent) => {
+                (ratings.voltage_mv?, UnitOfMeasure::Volt)
+            }
             _ => return None,
         };
         Some(Self { rated_milli, unit })
@@ -32,7 +34,10 @@ impl Rated {
     #[must_use]
     pub fn fraction(self, percent: Scaled) -> (i64, i64) {
         let (raw, scale) = percent.fraction();
-        (raw.saturating_mul(self.rated_milli.into()), scale * 100 * 1000)
+        (
+            raw.saturating_mul(self.rated_milli.into()),
+            scale * 100 * 1000,
+        )
     }
 
     /// `percent` in the unit, with `digits` digits after the decimal point.
@@ -49,22 +54,48 @@ mod tests {
     use crate::drive::testing::model;
 
     fn register(role: Role, unit: UnitOfMeasure) -> Register {
-        Register { role: Some(role), unit, scale: 100, ..model().registers[0].clone() }
+        Register {
+            role: Some(role),
+            unit,
+            scale: 100,
+            ..model().registers[0].clone()
+        }
     }
 
     #[test]
     fn per_cent_of_the_rated_value() {
-        let ratings = Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) };
+        let ratings = Ratings {
+            current_ma: Some(10_000),
+            voltage_mv: Some(400_000),
+        };
         let of = |role, word| Scaled::from_word(word, &register(role, UnitOfMeasure::Percent));
-        let current = Rated::of(&register(Role::OutputCurrent, UnitOfMeasure::Percent), &ratings).unwrap();
+        let current = Rated::of(
+            &register(Role::OutputCurrent, UnitOfMeasure::Percent),
+            &ratings,
+        )
+        .unwrap();
         // The worked example of the vendor whose drives report so: 0x1A8A is 67.94 %, 6.79 A on a 10 A drive.
         assert_eq!(
-            (current.to_digits(of(Role::OutputCurrent, 0x1A8A), 2).to_string(), current.unit),
+            (
+                current
+                    .to_digits(of(Role::OutputCurrent, 0x1A8A), 2)
+                    .to_string(),
+                current.unit
+            ),
             ("6.79".into(), UnitOfMeasure::Ampere)
         );
-        let voltage = Rated::of(&register(Role::OutputVoltage, UnitOfMeasure::Percent), &ratings).unwrap();
+        let voltage = Rated::of(
+            &register(Role::OutputVoltage, UnitOfMeasure::Percent),
+            &ratings,
+        )
+        .unwrap();
         assert_eq!(
-            (voltage.to_digits(of(Role::OutputVoltage, 0x24FD), 2).to_string(), voltage.unit),
+            (
+                voltage
+                    .to_digits(of(Role::OutputVoltage, 0x24FD), 2)
+                    .to_string(),
+                voltage.unit
+            ),
             ("378.76".into(), UnitOfMeasure::Volt)
         );
         assert_eq!(
@@ -77,9 +108,25 @@ mod tests {
     #[test]
     fn what_is_not_stated_is_not_guessed() {
         let percent = |role| register(role, UnitOfMeasure::Percent);
-        assert_eq!(Rated::of(&percent(Role::OutputCurrent), &Ratings::default()), None);
-        let ratings = Ratings { current_ma: Some(1), voltage_mv: Some(1) };
-        assert_eq!(Rated::of(&percent(Role::DcLinkVoltage), &ratings), None, "of what is not documented");
-        assert_eq!(Rated::of(&register(Role::OutputCurrent, UnitOfMeasure::Ampere), &ratings), None);
+        assert_eq!(
+            Rated::of(&percent(Role::OutputCurrent), &Ratings::default()),
+            None
+        );
+        let ratings = Ratings {
+            current_ma: Some(1),
+            voltage_mv: Some(1),
+        };
+        assert_eq!(
+            Rated::of(&percent(Role::DcLinkVoltage), &ratings),
+            None,
+            "of what is not documented"
+        );
+        assert_eq!(
+            Rated::of(
+                &register(Role::OutputCurrent, UnitOfMeasure::Ampere),
+                &ratings
+            ),
+            None
+        );
     }
 }

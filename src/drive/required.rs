@@ -10,20 +10,37 @@ use crate::profile::model::{Model, NeededFor};
 /// sight. `only`: the identity register and the word of the one drive that the configuration's acceptance is for, if it
 /// rests on what was seen there.
 #[must_use]
-pub fn before(model: &Model, order: &Order, is_identified: bool, only: Option<(Address, u16)>) -> Vec<Step> {
-    let identity = model.identity.as_ref().filter(|_| !is_identified).map(|identity| Step::Require {
-        address: identity.address,
-        mask: identity.mask,
-        values: match only.filter(|(address, _)| *address == identity.address) {
-            Some((_, word)) => vec![word & identity.mask],
-            None => identity.values.value.clone(),
-        },
-        reason: Reason::OtherDrive,
-    });
-    let settings = model.setup.iter().filter(|item| item.needed_for.iter().any(|need| is_part(*need, order)));
+pub fn before(
+    model: &Model,
+    order: &Order,
+    is_identified: bool,
+    only: Option<(Address, u16)>,
+) -> Vec<Step> {
+    let identity = model
+        .identity
+        .as_ref()
+        .filter(|_| !is_identified)
+        .map(|identity| Step::Require {
+            address: identity.address,
+            mask: identity.mask,
+            values: match only.filter(|(address, _)| *address == identity.address) {
+                Some((_, word)) => vec![word & identity.mask],
+                None => identity.values.value.clone(),
+            },
+            reason: Reason::OtherDrive,
+        });
+    let settings = model
+        .setup
+        .iter()
+        .filter(|item| item.needed_for.iter().any(|need| is_part(*need, order)));
     let settings = settings.filter_map(|item| {
         let (mask, values) = (item.mask, item.values.value.clone());
-        Some(Step::Require { address: item.address?, mask, values, reason: Reason::Precondition })
+        Some(Step::Require {
+            address: item.address?,
+            mask,
+            values,
+            reason: Reason::Precondition,
+        })
     });
     identity.into_iter().chain(settings).collect()
 }
@@ -52,16 +69,27 @@ mod tests {
         model.setup[0].needed_for = vec![NeededFor::Run];
         model.setup[1].needed_for = vec![NeededFor::Reverse, NeededFor::Setpoint];
         model.setup[1].mask = 0x00FF;
-        let values = Fact { value: vec![7], confidence: Confidence::Manual, source: "IM 1".to_owned() };
-        model.identity = Some(Identity { address: 0x0700_u16.into(), mask: 0xFF00, values, others: Vec::new() });
+        let values = Fact {
+            value: vec![7],
+            confidence: Confidence::Manual,
+            source: "IM 1".to_owned(),
+        };
+        model.identity = Some(Identity {
+            address: 0x0700_u16.into(),
+            mask: 0xFF00,
+            values,
+            others: Vec::new(),
+        });
         model
     }
 
     fn read(order: &Order, is_identified: bool) -> Vec<(u16, u16)> {
-        let reads = before(&guarded(), order, is_identified, None).into_iter().map(|step| match step {
-            Step::Require { address, mask, .. } => (address.number(), mask),
-            other => panic!("{other:?}"),
-        });
+        let reads = before(&guarded(), order, is_identified, None)
+            .into_iter()
+            .map(|step| match step {
+                Step::Require { address, mask, .. } => (address.number(), mask),
+                other => panic!("{other:?}"),
+            });
         reads.collect()
     }
 
@@ -69,12 +97,25 @@ mod tests {
     fn an_order_is_preceded_by_what_it_needs_and_a_stop_by_nothing() {
         let go = |frequency, run| Order::Go(Go::new(Vec::new(), frequency, run).unwrap());
         let setpoint = Some(Hertz::from_millihertz(30_000));
-        assert_eq!(read(&go(None, Some(Direction::Forward)), true), [(0x0211, 0xFFFF)]);
-        assert_eq!(read(&go(None, Some(Direction::Reverse)), true), [(0x0211, 0xFFFF), (0x0212, 0x00FF)]);
+        assert_eq!(
+            read(&go(None, Some(Direction::Forward)), true),
+            [(0x0211, 0xFFFF)]
+        );
+        assert_eq!(
+            read(&go(None, Some(Direction::Reverse)), true),
+            [(0x0211, 0xFFFF), (0x0212, 0x00FF)]
+        );
         assert_eq!(read(&go(setpoint, None), true), [(0x0212, 0x00FF)]);
-        assert_eq!(read(&go(setpoint, None), false), [(0x0700, 0xFF00), (0x0212, 0x00FF)]);
+        assert_eq!(
+            read(&go(setpoint, None), false),
+            [(0x0700, 0xFF00), (0x0212, 0x00FF)]
+        );
         assert_eq!(read(&Order::Reset, true), []);
-        assert_eq!(read(&Order::Reset, false), [(0x0700, 0xFF00)], "another drive is read-only");
+        assert_eq!(
+            read(&Order::Reset, false),
+            [(0x0700, 0xFF00)],
+            "another drive is read-only"
+        );
     }
 
     #[test]
@@ -84,6 +125,10 @@ mod tests {
             other => panic!("{other:?}"),
         };
         assert_eq!(values(Some((0x0700_u16.into(), 0x2A07))), [0x2A00]);
-        assert_eq!(values(Some((0x0701_u16.into(), 0x2A07))), [7], "the word of another register says nothing");
+        assert_eq!(
+            values(Some((0x0701_u16.into(), 0x2A07))),
+            [7],
+            "the word of another register says nothing"
+        );
     }
 }

@@ -43,7 +43,11 @@ impl OutputWatch {
     /// Takes a raw reading of the output frequency.
     pub fn take(&mut self, raw: u16, at: MonoTime) {
         self.last = Some((raw, at));
-        self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
+        self.zeros = if raw == 0 {
+            self.zeros.saturating_add(1)
+        } else {
+            0
+        };
         let Some(ramp) = &mut self.ramp else { return };
         if raw < ramp.lowest {
             ramp.lowest = raw;
@@ -56,20 +60,28 @@ impl OutputWatch {
     /// A stop took effect at `at`: from then on the output should fall.
     pub fn ramps_down(&mut self, at: MonoTime) {
         let (lowest, lowest_at) = self.last.unwrap_or((u16::MAX, at));
-        self.ramp = Some(Ramp { lowest, lowest_at, falls: true });
+        self.ramp = Some(Ramp {
+            lowest,
+            lowest_at,
+            falls: true,
+        });
     }
 
     /// Whether the output has risen by more than `rise` above its lowest reading since a stop took effect: no stop does that.
     #[must_use]
     pub fn has_risen(&self, rise: u32) -> bool {
-        let (Some(ramp), Some((raw, _))) = (self.ramp, self.last) else { return false };
+        let (Some(ramp), Some((raw, _))) = (self.ramp, self.last) else {
+            return false;
+        };
         u32::from(raw) > u32::from(ramp.lowest).saturating_add(rise)
     }
 
     /// Whether the motor turns, and the output has not fallen for `within` since a stop took effect.
     #[must_use]
     pub fn has_settled(&self, within: Duration) -> bool {
-        let (Some(ramp), Some((raw, at))) = (self.ramp, self.last) else { return false };
+        let (Some(ramp), Some((raw, at))) = (self.ramp, self.last) else {
+            return false;
+        };
         raw > 0 && at.since(ramp.lowest_at) >= within
     }
 
@@ -119,8 +131,15 @@ impl OutputWatch {
     }
 
     /// A drive at standstill is stopped, even while its status still shows the stop that led there.
-    fn with_status(&self, status: &StatusWatch, running: bool, intent: RunIntent, stopping: bool) -> RunState {
-        let ramps_down = status.get(Flag::Stopping) == Some(true) || (stopping && (running || self.is_active()));
+    fn with_status(
+        &self,
+        status: &StatusWatch,
+        running: bool,
+        intent: RunIntent,
+        stopping: bool,
+    ) -> RunState {
+        let ramps_down =
+            status.get(Flag::Stopping) == Some(true) || (stopping && (running || self.is_active()));
         if !running && self.is_at_standstill() {
             return RunState::Stopped;
         }
@@ -138,8 +157,14 @@ impl OutputWatch {
     }
 
     fn by_output(&self, is_reverse: Option<bool>, intent: RunIntent, stopping: bool) -> RunState {
-        if let Some(is_reverse) = is_reverse.filter(|_| self.is_active() && !(stopping && intent == RunIntent::Stop)) {
-            return if is_reverse { RunState::Reverse } else { RunState::Forward };
+        if let Some(is_reverse) =
+            is_reverse.filter(|_| self.is_active() && !(stopping && intent == RunIntent::Stop))
+        {
+            return if is_reverse {
+                RunState::Reverse
+            } else {
+                RunState::Forward
+            };
         }
         match (self.raw(), intent) {
             (None, _) => RunState::Unknown,
@@ -170,7 +195,12 @@ mod tests {
             (&[0, 5, 0], stop, false, RunState::Unknown),
             (&[0, 0], forward, false, RunState::Unknown),
             (&[100], forward, false, RunState::Forward),
-            (&[100], RunIntent::Run(Direction::Reverse), false, RunState::Reverse),
+            (
+                &[100],
+                RunIntent::Run(Direction::Reverse),
+                false,
+                RunState::Reverse,
+            ),
             (&[100], stop, false, RunState::Running),
             (&[100], stop, true, RunState::Stopping),
         ];
@@ -205,11 +235,18 @@ mod tests {
             for (index, (second, raw)) in readings.iter().enumerate() {
                 watch.take(*raw, MonoTime::from_millis(second * 1000));
                 if index == 0 {
-                    assert!(!watch.has_risen(rise) && !watch.has_settled(within), "no stop was given");
+                    assert!(
+                        !watch.has_risen(rise) && !watch.has_settled(within),
+                        "no stop was given"
+                    );
                     watch.ramps_down(MonoTime::ZERO);
                 }
             }
-            assert_eq!((watch.has_risen(rise), watch.has_settled(within)), (has_risen, has_settled), "{readings:?}");
+            assert_eq!(
+                (watch.has_risen(rise), watch.has_settled(within)),
+                (has_risen, has_settled),
+                "{readings:?}"
+            );
         }
     }
 
@@ -253,7 +290,11 @@ mod tests {
             for raw in readings {
                 watch.take(*raw, MonoTime::ZERO);
             }
-            assert_eq!(watch.run_state(&status, intent, stopping), state, "{word:b} {readings:?} {intent:?}");
+            assert_eq!(
+                watch.run_state(&status, intent, stopping),
+                state,
+                "{word:b} {readings:?} {intent:?}"
+            );
         }
     }
 }

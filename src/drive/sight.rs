@@ -87,7 +87,10 @@ impl Sight {
     /// What is shown while the drive is out of sight.
     #[must_use]
     pub const fn view(&self) -> SightView {
-        SightView { last_seen: self.last_seen, may_still_run: self.may_still_run }
+        SightView {
+            last_seen: self.last_seen,
+            may_still_run: self.may_still_run,
+        }
     }
 
     /// What was last seen of it.
@@ -101,20 +104,41 @@ impl Sight {
 mod tests {
     use super::*;
 
-    const RUNS: LastSeen =
-        LastSeen { run_state: RunState::Forward, output: None, at: SeenAt::Here(MonoTime::from_millis(5)) };
+    const RUNS: LastSeen = LastSeen {
+        run_state: RunState::Forward,
+        output: None,
+        at: SeenAt::Here(MonoTime::from_millis(5)),
+    };
 
     #[test]
     fn what_was_not_seen_to_stand_may_run_until_it_is_seen_or_a_person_says_otherwise() {
         let mut sight = Sight::default();
         assert!(sight.lost(Some(RUNS), true));
         assert!(!sight.lost(None, false), "told once");
-        assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: true });
+        assert_eq!(
+            sight.view(),
+            SightView {
+                last_seen: Some(RUNS),
+                may_still_run: true
+            }
+        );
         assert!(sight.confirmed() && !sight.confirmed());
         assert!(!sight.stood_last(), "a declared action still falls due");
-        assert!(!sight.lost(None, true), "nothing is known that the person did not see");
-        assert_eq!(sight.view(), SightView { last_seen: Some(RUNS), may_still_run: false });
-        assert!(sight.seen(), "it was told, so that it is over is told as well");
+        assert!(
+            !sight.lost(None, true),
+            "nothing is known that the person did not see"
+        );
+        assert_eq!(
+            sight.view(),
+            SightView {
+                last_seen: Some(RUNS),
+                may_still_run: false
+            }
+        );
+        assert!(
+            sight.seen(),
+            "it was told, so that it is over is told as well"
+        );
         assert_eq!(sight.view(), SightView::default());
     }
 

@@ -57,7 +57,10 @@ impl DriveSnapshot {
     /// Nothing was read of the drive yet; `is_implausible`: its model asks for something first.
     #[must_use]
     pub fn unread(is_implausible: bool) -> Self {
-        Self { is_implausible, ..Self::default() }
+        Self {
+            is_implausible,
+            ..Self::default()
+        }
     }
 
     /// The last reading of the register at `address`; `None` if it has not been read.
@@ -79,15 +82,32 @@ impl DriveSnapshot {
     pub fn value(&self, register: &Register) -> Option<ValueReading> {
         let first = self.reading(register.address)?;
         if register.form.is_plain() {
-            return Some(ValueReading { value: register.plain_value(first.raw), raw: first.raw, at: first.at });
+            return Some(ValueReading {
+                value: register.plain_value(first.raw),
+                raw: first.raw,
+                at: first.at,
+            });
         }
-        if register.form.pair.is_some() && self.reading(register.address.checked_add(1)?)?.at != first.at {
+        if register.form.pair.is_some()
+            && self.reading(register.address.checked_add(1)?)?.at != first.at
+        {
             return None;
         }
-        let parts = register.form.plus.iter().map(|part| Some(self.reading(part.address)?.at));
-        let at = parts.collect::<Option<Vec<_>>>()?.into_iter().fold(first.at, MonoTime::min);
+        let parts = register
+            .form
+            .plus
+            .iter()
+            .map(|part| Some(self.reading(part.address)?.at));
+        let at = parts
+            .collect::<Option<Vec<_>>>()?
+            .into_iter()
+            .fold(first.at, MonoTime::min);
         let value = register.value(|address| self.reading(address).map(|reading| reading.raw))?;
-        Some(ValueReading { value, raw: first.raw, at })
+        Some(ValueReading {
+            value,
+            raw: first.raw,
+            at,
+        })
     }
 
     /// When the value of `register` was read; `None` if it has none. To ask only this is quicker.
@@ -110,7 +130,8 @@ impl DriveSnapshot {
 
     /// Where the reading at `address` is, or belongs.
     fn place_of(&self, address: Address) -> Result<usize, usize> {
-        self.readings.binary_search_by_key(&key(address), |(key, _)| *key)
+        self.readings
+            .binary_search_by_key(&key(address), |(key, _)| *key)
     }
 
     /// Takes the words that were read from `address` on and came at `at`.

@@ -33,9 +33,18 @@ impl StatusWatch {
     /// The watch of a drive of `model`, with all flags unknown. It has none on a model without status registers.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        let output = OutputRegister::of(model).filter(|_| model.status_flag(Flag::Reverse).is_none());
+        let output =
+            OutputRegister::of(model).filter(|_| model.status_flag(Flag::Reverse).is_none());
         let sign = output.map(|output| (output, None));
-        Self { flags: model.status.iter().map(|flag| (flag.clone(), None)).collect(), sign, ..Self::default() }
+        Self {
+            flags: model
+                .status
+                .iter()
+                .map(|flag| (flag.clone(), None))
+                .collect(),
+            sign,
+            ..Self::default()
+        }
     }
 
     /// Takes the words that a read from `address` on has brought. Returns whether they show the motor ordered to run;
@@ -51,9 +60,16 @@ impl StatusWatch {
         for (flag, value) in &mut self.flags {
             if let Some(word) = flag.address.word_in(address, words) {
                 *value = flag.reads(word);
-                running = if flag.flag == Flag::Running { *value } else { running };
+                running = if flag.flag == Flag::Running {
+                    *value
+                } else {
+                    running
+                };
                 if value.is_none() {
-                    undocumented = Some(UndocumentedState { address: flag.address, word });
+                    undocumented = Some(UndocumentedState {
+                        address: flag.address,
+                        word,
+                    });
                 }
             }
         }
@@ -72,7 +88,9 @@ impl StatusWatch {
 
     /// The same, once for each word.
     pub fn take_undocumented(&mut self) -> Option<UndocumentedState> {
-        let state = self.undocumented.filter(|state| !self.told.contains(state))?;
+        let state = self
+            .undocumented
+            .filter(|state| !self.told.contains(state))?;
         (self.told.len() < UNDOCUMENTED_MAX).then(|| {
             self.told.push(state);
             state
@@ -89,8 +107,16 @@ impl StatusWatch {
     /// Whether `flag` is set; `None` if the model has no such flag or it has not been read yet.
     #[must_use]
     pub fn get(&self, flag: Flag) -> Option<bool> {
-        let sign = || self.sign.as_ref().filter(|_| flag == Flag::Reverse).and_then(|(_, value)| *value);
-        self.flags.iter().find(|(it, _)| it.flag == flag).map_or_else(sign, |(_, value)| *value)
+        let sign = || {
+            self.sign
+                .as_ref()
+                .filter(|_| flag == Flag::Reverse)
+                .and_then(|(_, value)| *value)
+        };
+        self.flags
+            .iter()
+            .find(|(it, _)| it.flag == flag)
+            .map_or_else(sign, |(_, value)| *value)
     }
 
     /// Whether the drive shows its motor as ordered to run. It does not while it ramps down.
@@ -122,9 +148,15 @@ mod tests {
         let mut watch = StatusWatch::new(&with_status());
         assert_eq!(watch.get(Flag::Running), None);
         assert_eq!(watch.take(0x2100_u16.into(), &[0b0101, 7]), Some(true));
-        assert_eq!((watch.get(Flag::Running), watch.get(Flag::Reverse)), (Some(true), Some(false)));
+        assert_eq!(
+            (watch.get(Flag::Running), watch.get(Flag::Reverse)),
+            (Some(true), Some(false))
+        );
         watch.take(0x20FF_u16.into(), &[0, 0b1010]);
-        assert_eq!((watch.get(Flag::Reverse), watch.get(Flag::Tripped)), (Some(true), Some(true)));
+        assert_eq!(
+            (watch.get(Flag::Reverse), watch.get(Flag::Tripped)),
+            (Some(true), Some(true))
+        );
         assert_eq!(watch.take(0x2101_u16.into(), &[0]), None);
         assert_eq!(watch.get(Flag::Tripped), Some(true), "another register");
         watch.forget();

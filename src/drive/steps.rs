@@ -112,7 +112,14 @@ pub struct Condition {
 impl Condition {
     /// The register holds exactly `value`.
     const fn holds(address: Address, value: Vec<u16>, within: Duration) -> Self {
-        Self { address, mask: u16::MAX, values: value, second: None, instead: None, within }
+        Self {
+            address,
+            mask: u16::MAX,
+            values: value,
+            second: None,
+            instead: None,
+            within,
+        }
     }
 
     /// The model's `flag` is set or not; `None` if it has no such flag.
@@ -132,13 +139,17 @@ impl Condition {
     #[must_use]
     pub fn is_met(&self, word: u16) -> bool {
         let is_one = self.values.contains(&(word & self.mask));
-        self.instead.as_ref().map_or(is_one, |instead| !is_one && instead.names(word))
+        self.instead
+            .as_ref()
+            .map_or(is_one, |instead| !is_one && instead.names(word))
     }
 
     /// Whether the words that were read from its register on meet it.
     #[must_use]
     pub fn is_met_by(&self, words: &[u16]) -> bool {
-        let has_second = self.second.is_none_or(|second| words.get(1) == Some(&second));
+        let has_second = self
+            .second
+            .is_none_or(|second| words.get(1) == Some(&second));
         has_second && words.first().is_some_and(|word| self.is_met(*word))
     }
 
@@ -219,10 +230,17 @@ pub fn of_go(
     last: Option<Hertz>,
     bases: &Bases,
 ) -> Result<Vec<Step>, NoSteps> {
-    let mut steps: Vec<Step> = go.registers().iter().map(|write| Step::Write(register(model, *write))).collect();
+    let mut steps: Vec<Step> = go
+        .registers()
+        .iter()
+        .map(|write| Step::Write(register(model, *write)))
+        .collect();
     let Some(direction) = go.run() else {
         let sign = sign_of(model, go.toward())?;
-        let alone = go.frequency().map(|it| setpoint(model, it, sign, control, bases)).transpose()?;
+        let alone = go
+            .frequency()
+            .map(|it| setpoint(model, it, sign, control, bases))
+            .transpose()?;
         steps.extend(alone.map(Step::Write));
         return Ok(steps);
     };
@@ -238,7 +256,9 @@ pub fn of_go(
         Some(frequency) => {
             let mut writes = setpoint(model, frequency, direction, control, bases)?;
             if model.turns_by_sign() {
-                writes.iter_mut().for_each(|write| write.part = StepPart::SignedSetpoint(frequency, direction));
+                writes
+                    .iter_mut()
+                    .for_each(|write| write.part = StepPart::SignedSetpoint(frequency, direction));
             }
             steps.extend(setpoint_and_run(model, writes, run));
         }
@@ -252,19 +272,29 @@ pub fn of_go(
 
 /// The direction that the sign of a setpoint alone orders: without a sign it orders none.
 fn sign_of(model: &Model, toward: Option<Direction>) -> Result<Direction, NoSteps> {
-    if model.turns_by_sign() { toward.ok_or(NoSteps::SetpointUnknown) } else { Ok(Direction::Forward) }
+    if model.turns_by_sign() {
+        toward.ok_or(NoSteps::SetpointUnknown)
+    } else {
+        Ok(Direction::Forward)
+    }
 }
 
 /// The register and the word that stop a drive which was last ordered to run in direction `after`, or cut its output off.
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub fn of_stop(model: &Model, coast: bool, after: Option<Direction>) -> Result<(Address, u16), NoSteps> {
+pub fn of_stop(
+    model: &Model,
+    coast: bool,
+    after: Option<Direction>,
+) -> Result<(Address, u16), NoSteps> {
     if coast {
         return order(model, OrderKind::Coast);
     }
     let run = model.run.as_ref().ok_or(NoSteps::NotCapable)?;
-    let address = model.order_address(OrderKind::Stop).ok_or(NoSteps::NotCapable)?;
+    let address = model
+        .order_address(OrderKind::Stop)
+        .ok_or(NoSteps::NotCapable)?;
     Ok((address, run.stop_word(after)))
 }
 
@@ -275,7 +305,12 @@ pub fn of_stop(model: &Model, coast: bool, after: Option<Direction>) -> Result<(
 pub fn of_start_taken_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let value = model.start_take_back().ok_or(NoSteps::NotCapable)?;
     let (address, _) = order(model, OrderKind::Forward)?;
-    Ok(vec![Step::Write(vec![Write { address, value, part: StepPart::TakesStartBack, shown: Vec::new() }])])
+    Ok(vec![Step::Write(vec![Write {
+        address,
+        value,
+        part: StepPart::TakesStartBack,
+        shown: Vec::new(),
+    }])])
 }
 
 /// The functions by which a drive takes one word: some serve no function 06 or 05 and take it as a block of one.
@@ -298,11 +333,18 @@ impl WriteFunctions {
     /// The request that writes `value` to `address`.
     #[must_use]
     pub fn request(self, address: Address, value: u16) -> Request {
-        let is_single = if address.table().is_of_bits() { self.has_single_coil } else { self.has_single_register };
+        let is_single = if address.table().is_of_bits() {
+            self.has_single_coil
+        } else {
+            self.has_single_register
+        };
         if is_single {
             Request::WriteSingle { address, value }
         } else {
-            Request::WriteMultiple { address, values: vec![value] }
+            Request::WriteMultiple {
+                address,
+                values: vec![value],
+            }
         }
     }
 
@@ -310,8 +352,15 @@ impl WriteFunctions {
     #[must_use]
     pub fn forms(self, address: Address, value: u16, in_block: bool) -> Vec<Request> {
         let first = self.request(address, value);
-        let block = Request::WriteMultiple { address, values: vec![value] };
-        if in_block && first != block { vec![first, block] } else { vec![first] }
+        let block = Request::WriteMultiple {
+            address,
+            values: vec![value],
+        };
+        if in_block && first != block {
+            vec![first, block]
+        } else {
+            vec![first]
+        }
     }
 }
 
@@ -319,13 +368,15 @@ impl WriteFunctions {
 /// there by 0F hex as well as by 05.
 #[must_use]
 pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
-    let function = if address.table().is_of_bits() { function::WRITE_COILS } else { function::WRITE_MULTIPLE };
+    let function = if address.table().is_of_bits() {
+        function::WRITE_COILS
+    } else {
+        function::WRITE_MULTIPLE
+    };
     model.serves(function)
-        && model
-            .write
-            .block
-            .as_ref()
-            .is_some_and(|block| (block.address..block.address.saturating_add(block.count.value)).contains(&address))
+        && model.write.block.as_ref().is_some_and(|block| {
+            (block.address..block.address.saturating_add(block.count.value)).contains(&address)
+        })
 }
 
 /// The step that releases control.
@@ -334,7 +385,12 @@ pub fn takes_in_a_block(model: &Model, address: Address) -> bool {
 /// [`NoSteps::NotCapable`]
 pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let (address, value) = order(model, OrderKind::Release)?;
-    Ok(vec![Step::Write(vec![Write { address, value, part: StepPart::Release, shown: Vec::new() }])])
+    Ok(vec![Step::Write(vec![Write {
+        address,
+        value,
+        part: StepPart::Release,
+        shown: Vec::new(),
+    }])])
 }
 
 /// The step that writes `word`, by which the drive takes over or stores what was written before. Its echo is all that the
@@ -342,7 +398,12 @@ pub fn of_release(model: &Model) -> Result<Vec<Step>, NoSteps> {
 #[must_use]
 pub fn of_commit(word: &CommitWord) -> Step {
     let CommitWord { address, value, .. } = *word;
-    Step::Write(vec![Write { address, value, part: StepPart::Commit, shown: Vec::new() }])
+    Step::Write(vec![Write {
+        address,
+        value,
+        part: StepPart::Commit,
+        shown: Vec::new(),
+    }])
 }
 
 /// The steps that set the registers in `addresses` that the drive needs before it obeys the bus, in the model's order.
@@ -350,13 +411,23 @@ pub fn of_commit(word: &CommitWord) -> Step {
 /// # Errors
 /// [`NoSteps::NotCapable`] if one of them is nothing that the model asks to be set.
 pub fn of_setup(model: &Model, addresses: &[Address]) -> Result<Vec<Step>, NoSteps> {
-    let item = |address: &Address| model.setup.iter().any(|item| item.address == Some(*address));
+    let item = |address: &Address| {
+        model
+            .setup
+            .iter()
+            .any(|item| item.address == Some(*address))
+    };
     if !addresses.iter().all(item) {
         return Err(NoSteps::NotCapable);
     }
-    let items = model.setup.iter().filter_map(|item| Some((item.address?, item.written()?)));
+    let items = model
+        .setup
+        .iter()
+        .filter_map(|item| Some((item.address?, item.written()?)));
     let wanted = items.filter(|(address, _)| addresses.contains(address));
-    Ok(wanted.map(|(address, value)| Step::Write(register(model, RegisterWrite::new(address, value)))).collect())
+    Ok(wanted
+        .map(|(address, value)| Step::Write(register(model, RegisterWrite::new(address, value))))
+        .collect())
 }
 
 /// The register and the word of the order `kind`.
@@ -367,18 +438,41 @@ fn order(model: &Model, kind: OrderKind) -> Result<(Address, u16), NoSteps> {
 
 /// The writes of a register: both words of a value go out in one frame, and are read back in one.
 fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
-    let RegisterWrite { address, value, second } = write;
-    let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
+    let RegisterWrite {
+        address,
+        value,
+        second,
+    } = write;
+    let is_readable = model
+        .writable_at(address)
+        .is_some_and(|register| register.access.can_read());
     // A form in RAM that cannot be read shows in its register.
     let read_at = match model.in_ram_at(address).filter(|_| !is_readable) {
-        Some(register) => Some(if model.reads_ram_forms() { address } else { register.address }),
+        Some(register) => Some(if model.reads_ram_forms() {
+            address
+        } else {
+            register.address
+        }),
         None => is_readable.then_some(address),
     };
-    let holds = |address| Condition { second, ..Condition::holds(address, vec![value], Duration::ZERO) };
+    let holds = |address| Condition {
+        second,
+        ..Condition::holds(address, vec![value], Duration::ZERO)
+    };
     let part = StepPart::Register;
-    let first = Write { address, value, part, shown: read_at.map(holds).into_iter().collect() };
+    let first = Write {
+        address,
+        value,
+        part,
+        shown: read_at.map(holds).into_iter().collect(),
+    };
     let second = second.and_then(|value| Some((address.checked_add(1)?, value)));
-    let second = second.map(|(address, value)| Write { address, value, part, shown: Vec::new() });
+    let second = second.map(|(address, value)| Write {
+        address,
+        value,
+        part,
+        shown: Vec::new(),
+    });
     [first].into_iter().chain(second).collect()
 }
 
@@ -390,7 +484,15 @@ fn run(model: &Model, direction: Direction) -> Result<Write, NoSteps> {
     let (address, value) = order(model, kind)?;
     let is_reverse = direction == Direction::Reverse;
     let running = Condition::flag(model, Flag::Running, true);
-    let turns = running.is_some().then(|| Condition::flag(model, Flag::Reverse, is_reverse)).flatten();
+    let turns = running
+        .is_some()
+        .then(|| Condition::flag(model, Flag::Reverse, is_reverse))
+        .flatten();
     let shown = running.into_iter().chain(turns).collect();
-    Ok(Write { address, value, part: StepPart::Run(direction), shown })
+    Ok(Write {
+        address,
+        value,
+        part: StepPart::Run(direction),
+        shown,
+    })
 }

@@ -11,7 +11,11 @@ use std::time::Duration;
 
 /// A built-in model.
 pub fn model() -> Model {
-    Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
+    Model::clone(
+        vendors::catalog()
+            .find("hyundai-n700")
+            .expect("it is built in"),
+    )
 }
 
 /// Everything allowed from everywhere, 5 to 50 Hz, 3 s of lease, stops at the end.
@@ -31,18 +35,36 @@ pub fn control() -> ControlSettings {
 
 /// A fact that is proven.
 pub fn fact<T>(value: T) -> Fact<T> {
-    Fact { value, confidence: Confidence::Manual, source: "IM 1".to_owned() }
+    Fact {
+        value,
+        confidence: Confidence::Manual,
+        source: "IM 1".to_owned(),
+    }
 }
 
 /// The first built-in model with a status register at 0x2100: bit 0 running, 1 reverse, 2 ready, 3 tripped.
 pub fn with_status() -> Model {
     let mut model = model();
-    let output = model.register_for(Role::OutputFrequency).cloned().expect("an output frequency");
-    let status =
-        Register { name: "status".to_owned(), code: None, address: 0x2100_u16.into(), scale: 1, role: None, ..output };
+    let output = model
+        .register_for(Role::OutputFrequency)
+        .cloned()
+        .expect("an output frequency");
+    let status = Register {
+        name: "status".to_owned(),
+        code: None,
+        address: 0x2100_u16.into(),
+        scale: 1,
+        role: None,
+        ..output
+    };
     model.registers.push(status);
     model.registers.sort_by_key(|register| register.address);
-    let flags = [(Flag::Running, 1), (Flag::Reverse, 2), (Flag::Ready, 4), (Flag::Tripped, 8)];
+    let flags = [
+        (Flag::Running, 1),
+        (Flag::Reverse, 2),
+        (Flag::Ready, 4),
+        (Flag::Tripped, 8),
+    ];
     model.status = flags.map(|(flag, mask)| status_flag(flag, mask)).to_vec();
     model
 }
@@ -69,7 +91,10 @@ pub fn with_block() -> Model {
             register.address = 0x0003_u16.into();
         }
     }
-    model.write.block = Some(BlockWrite { address: 0x0002_u16.into(), count: fact(2) });
+    model.write.block = Some(BlockWrite {
+        address: 0x0002_u16.into(),
+        count: fact(2),
+    });
     model
 }
 

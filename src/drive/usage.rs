@@ -36,7 +36,11 @@ impl UsageTotals {
     /// `part` with two decimals where it is no plain number. Only full steps are shown.
     #[must_use]
     pub fn value(&self, part: UsagePart) -> Decimal {
-        let digits = if part.unit() == UnitOfMeasure::None { 0 } else { 2 };
+        let digits = if part.unit() == UnitOfMeasure::None {
+            0
+        } else {
+            2
+        };
         let steps = self.steps(part, 10_u64.pow(digits.into()));
         Decimal::new(i64::try_from(steps).unwrap_or(i64::MAX), digits)
     }
@@ -89,7 +93,11 @@ impl EnergySource {
     /// Where the energy of drives of `model` comes from; `None` if it is not known.
     #[must_use]
     pub fn of(model: &Model) -> Option<Self> {
-        if counter(model).is_some() { Some(Self::Counter) } else { power(model).map(|_| Self::Power) }
+        if counter(model).is_some() {
+            Some(Self::Counter)
+        } else {
+            power(model).map(|_| Self::Power)
+        }
     }
 
     /// The word used in documents.
@@ -104,7 +112,9 @@ impl EnergySource {
     /// The source with this word; `None` if there is none.
     #[must_use]
     pub fn named(word: &str) -> Option<Self> {
-        [Self::Counter, Self::Power].into_iter().find(|source| source.word() == word)
+        [Self::Counter, Self::Power]
+            .into_iter()
+            .find(|source| source.word() == word)
     }
 }
 
@@ -163,9 +173,15 @@ impl UsageParts {
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let has_flag = model.status_flag(Flag::Running).is_some();
-        let has_output = model.register_for(Role::OutputFrequency).is_some_and(|it| it.poll.is_some());
+        let has_output = model
+            .register_for(Role::OutputFrequency)
+            .is_some_and(|it| it.poll.is_some());
         let has_trips = model.trip_register().is_some();
-        Self { energy: EnergySource::of(model), has_run_state: has_flag || has_output, has_trips }
+        Self {
+            energy: EnergySource::of(model),
+            has_run_state: has_flag || has_output,
+            has_trips,
+        }
     }
 
     /// Whether `part` is one of them.
@@ -198,7 +214,9 @@ impl UsageView {
     /// `part` in whole steps, this many per unit of measure; `None` if the drive does not have it.
     #[must_use]
     pub fn steps(&self, part: UsagePart, per_unit: u64) -> Option<u64> {
-        self.parts.has(part).then(|| self.totals.steps(part, per_unit))
+        self.parts
+            .has(part)
+            .then(|| self.totals.steps(part, per_unit))
     }
 }
 
@@ -217,7 +235,9 @@ pub struct KeptUsage {
 
 /// The energy counter of drives of `model`.
 fn counter(model: &Model) -> Option<&Register> {
-    model.register_for(Role::Energy).filter(|it| it.poll.is_some())
+    model
+        .register_for(Role::Energy)
+        .filter(|it| it.poll.is_some())
 }
 
 /// Their output power, in kilowatts.

@@ -82,7 +82,11 @@ impl StatusView {
     pub const fn of(self, bus: BusFunctions) -> Self {
         Self {
             bus_run: if bus.has_run() { self.bus_run } else { None },
-            bus_frequency: if bus.has_frequency() { self.bus_frequency } else { None },
+            bus_frequency: if bus.has_frequency() {
+                self.bus_frequency
+            } else {
+                None
+            },
             ..self
         }
     }
@@ -146,14 +150,26 @@ impl RunState {
     /// The state called `word` in topics; `None` if there is none.
     #[must_use]
     pub fn named(word: &str) -> Option<Self> {
-        let all = [Self::Unknown, Self::Stopped, Self::Forward, Self::Reverse, Self::Tripped, Self::Offline];
-        all.into_iter().chain([Self::Running, Self::Stopping]).find(|state| state.word() == word)
+        let all = [
+            Self::Unknown,
+            Self::Stopped,
+            Self::Forward,
+            Self::Reverse,
+            Self::Tripped,
+            Self::Offline,
+        ];
+        all.into_iter()
+            .chain([Self::Running, Self::Stopping])
+            .find(|state| state.word() == word)
     }
 
     /// Whether the output is known to be active.
     #[must_use]
     pub const fn is_running(self) -> bool {
-        matches!(self, Self::Forward | Self::Reverse | Self::Running | Self::Stopping)
+        matches!(
+            self,
+            Self::Forward | Self::Reverse | Self::Running | Self::Stopping
+        )
     }
 }
 

@@ -7,7 +7,11 @@ use crate::profile::value::codes_of_bits;
 /// the lowest + 1.
 #[must_use]
 pub fn code(model: &Model, shown: u32) -> u16 {
-    if are_bits(model) { codes_of_bits(shown).next().unwrap_or(0) } else { u16::try_from(shown).unwrap_or(u16::MAX) }
+    if are_bits(model) {
+        codes_of_bits(shown).next().unwrap_or(0)
+    } else {
+        u16::try_from(shown).unwrap_or(u16::MAX)
+    }
 }
 
 /// The vendor's texts for all warnings that it shows with `shown`, each marked if it is unproven; `None` if it shows
@@ -21,12 +25,16 @@ pub fn text(model: &Model, shown: u32) -> Option<String> {
     if !are_bits(model) {
         return Some(text(code(model, shown), format!("code {shown}")));
     }
-    let texts: Vec<_> = codes_of_bits(shown).map(|code| text(code, format!("bit {}", code - 1))).collect();
+    let texts: Vec<_> = codes_of_bits(shown)
+        .map(|code| text(code, format!("bit {}", code - 1)))
+        .collect();
     Some(texts.join("; "))
 }
 
 fn are_bits(model: &Model) -> bool {
-    model.warning_register().is_some_and(|register| register.role == Some(Role::WarningBits))
+    model
+        .warning_register()
+        .is_some_and(|register| register.role == Some(Role::WarningBits))
 }
 
 #[cfg(test)]
@@ -45,7 +53,10 @@ mod tests {
             confidence,
             source: "IM 1".to_owned(),
         };
-        model.warning_codes = vec![text(1, "hot", Confidence::Manual), text(4, "fan", Confidence::Inferred)];
+        model.warning_codes = vec![
+            text(1, "hot", Confidence::Manual),
+            text(4, "fan", Confidence::Inferred),
+        ];
         model
     }
 
@@ -54,10 +65,16 @@ mod tests {
         let codes = warning(Role::WarningCode);
         let bits = warning(Role::WarningBits);
         assert_eq!((code(&codes, 0), text(&codes, 0)), (0, None));
-        assert_eq!((code(&codes, 4), text(&codes, 4).as_deref()), (4, Some("fan (inferred)")));
+        assert_eq!(
+            (code(&codes, 4), text(&codes, 4).as_deref()),
+            (4, Some("fan (inferred)"))
+        );
         assert_eq!(text(&codes, 9).as_deref(), Some("code 9"));
         assert_eq!((code(&bits, 0), text(&bits, 0)), (0, None));
-        assert_eq!((code(&bits, 0x8008), text(&bits, 0x8008).as_deref()), (4, Some("fan (inferred); bit 15")));
+        assert_eq!(
+            (code(&bits, 0x8008), text(&bits, 0x8008).as_deref()),
+            (4, Some("fan (inferred); bit 15"))
+        );
         assert_eq!((code(&bits, 0x8000), code(&bits, 9)), (16, 1));
         assert_eq!(text(&bits, 9).as_deref(), Some("hot; fan (inferred)"));
     }

@@ -68,7 +68,10 @@ pub struct WatchdogRange {
 
 impl WatchdogRange {
     /// Any time.
-    pub const ANY: Self = Self { more_than: Duration::ZERO, at_most: Duration::MAX };
+    pub const ANY: Self = Self {
+        more_than: Duration::ZERO,
+        at_most: Duration::MAX,
+    };
 
     /// The state of a watchdog set to `time`.
     #[must_use]
@@ -99,7 +102,13 @@ impl WatchdogWatch {
     /// read, and stays so if the model has no watchdog.
     #[must_use]
     pub const fn new(model: Arc<Model>, range: WatchdogRange) -> Self {
-        Self { model, range, time: None, action: None, last_time: None }
+        Self {
+            model,
+            range,
+            time: None,
+            action: None,
+            last_time: None,
+        }
     }
 
     /// Takes the words that a read from `address` on has brought. Returns the state if that is another one now.
@@ -132,7 +141,11 @@ impl WatchdogWatch {
     pub fn view(&self) -> Option<WatchdogView> {
         self.model.watchdog.as_ref()?;
         let is_proven = self.model.watchdog_is_proven();
-        Some(WatchdogView { state: self.state(), time: self.read_time(), is_proven })
+        Some(WatchdogView {
+            state: self.state(),
+            time: self.read_time(),
+            is_proven,
+        })
     }
 
     /// After how long without a frame the drive stops its motor by itself; `None` if not read or not reliable.
@@ -146,16 +159,26 @@ impl WatchdogWatch {
     }
 
     fn state(&self) -> WatchdogState {
-        let (Some(watchdog), Some(word)) = (&self.model.watchdog, self.time) else { return WatchdogState::Unknown };
+        let (Some(watchdog), Some(word)) = (&self.model.watchdog, self.time) else {
+            return WatchdogState::Unknown;
+        };
         if word == watchdog.off.value {
             return WatchdogState::Off;
         }
-        let says = |word: u16| watchdog.action_digit.map_or(word, |digit| word / digit.max(1) % 10);
+        let says = |word: u16| {
+            watchdog
+                .action_digit
+                .map_or(word, |digit| word / digit.max(1) % 10)
+        };
         match (watchdog.action, self.action.map(says), self.read_time()) {
-            (Some(_), Some(action), _) if watchdog.keeps_running.contains(&action) => WatchdogState::KeepsRunning,
+            (Some(_), Some(action), _) if watchdog.keeps_running.contains(&action) => {
+                WatchdogState::KeepsRunning
+            }
             // A word that the model does not list has an unknown meaning, and a reaction that was not read does not
             // count.
-            (Some(_), action, _) if !action.is_some_and(|it| watchdog.stops.contains(&it)) => WatchdogState::Unknown,
+            (Some(_), action, _) if !action.is_some_and(|it| watchdog.stops.contains(&it)) => {
+                WatchdogState::Unknown
+            }
             (_, _, Some(time)) => self.range.judge(time),
             (_, _, None) => WatchdogState::Unknown,
         }
@@ -176,8 +199,19 @@ mod tests {
         let mut model = model();
         let (keeps_running, stops) = (vec![3], vec![0, 1]);
         let (action, action_digit) = (Some(ACTION.into()), None);
-        model.watchdog = Some(Watchdog { time: TIME.into(), off: fact(0), action, action_digit, keeps_running, stops });
-        for register in model.registers.iter_mut().filter(|register| register.address == TIME) {
+        model.watchdog = Some(Watchdog {
+            time: TIME.into(),
+            off: fact(0),
+            action,
+            action_digit,
+            keeps_running,
+            stops,
+        });
+        for register in model
+            .registers
+            .iter_mut()
+            .filter(|register| register.address == TIME)
+        {
             register.unit = UnitOfMeasure::Second;
             register.scale = 10;
         }
@@ -185,7 +219,10 @@ mod tests {
     }
 
     fn range() -> WatchdogRange {
-        WatchdogRange { more_than: Duration::from_secs(1), at_most: Duration::from_secs(3) }
+        WatchdogRange {
+            more_than: Duration::from_secs(1),
+            at_most: Duration::from_secs(3),
+        }
     }
 
     #[test]
@@ -204,8 +241,16 @@ mod tests {
             let mut watch = WatchdogWatch::new(watched(), range());
             assert_eq!(watch.view().unwrap().state, WatchdogState::Unknown);
             let told = Some(state).filter(|it| *it != WatchdogState::Unknown);
-            assert_eq!(watch.take(TIME.into(), &[time, 0, 0, action]), told, "{time} {action}");
-            assert_eq!(watch.take(TIME.into(), &[time, 0, 0, action]), None, "told once");
+            assert_eq!(
+                watch.take(TIME.into(), &[time, 0, 0, action]),
+                told,
+                "{time} {action}"
+            );
+            assert_eq!(
+                watch.take(TIME.into(), &[time, 0, 0, action]),
+                None,
+                "told once"
+            );
             let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
             assert_eq!(watch.stops_after().is_some(), stops, "{time} {action}");
         }
@@ -235,9 +280,20 @@ mod tests {
     #[test]
     fn half_of_it_tells_nothing() {
         let mut watch = WatchdogWatch::new(watched(), range());
-        assert_eq!(watch.take(TIME.into(), &[20]), None, "it may keep the motor running");
-        assert_eq!(watch.take(0x0100_u16.into(), &[20]), None, "another register");
-        assert_eq!(watch.take(ACTION.into(), &[1]), Some(WatchdogState::InOrder));
+        assert_eq!(
+            watch.take(TIME.into(), &[20]),
+            None,
+            "it may keep the motor running"
+        );
+        assert_eq!(
+            watch.take(0x0100_u16.into(), &[20]),
+            None,
+            "another register"
+        );
+        assert_eq!(
+            watch.take(ACTION.into(), &[1]),
+            Some(WatchdogState::InOrder)
+        );
     }
 
     #[test]
@@ -245,7 +301,13 @@ mod tests {
         let mut watch = WatchdogWatch::new(watched(), range());
         watch.take(TIME.into(), &[20, 0, 0, 1]);
         watch.forget();
-        assert_eq!(watch.view().unwrap(), WatchdogView { is_proven: true, ..WatchdogView::default() });
+        assert_eq!(
+            watch.view().unwrap(),
+            WatchdogView {
+                is_proven: true,
+                ..WatchdogView::default()
+            }
+        );
         assert_eq!(watch.stops_after(), Some(Duration::from_secs(2)));
         watch.take(TIME.into(), &[0, 0, 0, 1]);
         assert_eq!(watch.stops_after(), None);
@@ -254,6 +316,9 @@ mod tests {
     #[test]
     fn a_model_without_one_shows_none() {
         let mut watch = WatchdogWatch::new(Arc::new(model()), range());
-        assert_eq!((watch.take(0_u16.into(), &[1; 100]), watch.view()), (None, None));
+        assert_eq!(
+            (watch.take(0_u16.into(), &[1; 100]), watch.view()),
+            (None, None)
+        );
     }
 }

@@ -6,7 +6,9 @@ use super::waiter::Waiter;
 use crate::domain::address::Address;
 use crate::domain::command::{CommandRequest, Order, Reason, Report};
 use crate::domain::ids::{AskerId, DriveIndex};
-use crate::domain::native::{FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal};
+use crate::domain::native::{
+    FRAMES_MAX, NativeAnswer, NativeAsk, NativeOutcome, NativeRequest, Refusal,
+};
 use crate::domain::time::MonoTime;
 use crate::drive::decode;
 use crate::guard::{COMMAND_DEADLINE, Facts};
@@ -22,14 +24,20 @@ impl LineCore {
         }
         let taken = match &request.ask {
             NativeAsk::Read { address, count } => self.take_read(now, &request, *address, *count),
-            NativeAsk::Write { address, values } => self.take_write(now, &request, *address, values),
+            NativeAsk::Write { address, values } => {
+                self.take_write(now, &request, *address, values)
+            }
             NativeAsk::Loop { data } => self.take_loop(now, &request, *data),
         };
         if let Err(outcome) = taken {
             if outcome == NativeOutcome::Refused(Refusal::QueueFull) {
                 self.counters.queue_full += 1;
             }
-            self.answer(NativeAnswer { asker: request.asker, ticket: request.ticket, outcome });
+            self.answer(NativeAnswer {
+                asker: request.asker,
+                ticket: request.ticket,
+                outcome,
+            });
         }
     }
 
@@ -45,7 +53,12 @@ impl LineCore {
 
     /// A client gives a command.
     pub(super) fn on_command(&mut self, now: MonoTime, command: &CommandRequest) {
-        let CommandRequest { asker, ticket, drive, .. } = *command;
+        let CommandRequest {
+            asker,
+            ticket,
+            drive,
+            ..
+        } = *command;
         if !command.order.is_no_attempt() {
             self.order_taken(now, drive);
         }
@@ -62,7 +75,8 @@ impl LineCore {
         let Some(drive) = self.drives.get(command.drive) else {
             let report = Report::refused(Reason::UnknownDrive);
             let tried = Tried::Order(command.order.clone());
-            self.effects.attempt_ended(command.drive, command.origin.owner, tried, report);
+            self.effects
+                .attempt_ended(command.drive, command.origin.owner, tried, report);
             self.effects.tell(&mut waiter, report, true);
             return;
         };
@@ -70,11 +84,17 @@ impl LineCore {
             listens: self.listens(),
             line_is_bad: self.health.quality.is_suspended(command.drive.get()),
             is_implausible: drive.snapshot.is_implausible,
-            ..drive.work.facts(self.takes_requests(), self.is_offline(command.drive), now)
+            ..drive
+                .work
+                .facts(self.takes_requests(), self.is_offline(command.drive), now)
         };
-        self.drives[command.drive].work.command(now, command, waiter, facts, &mut self.effects);
+        self.drives[command.drive]
+            .work
+            .command(now, command, waiter, facts, &mut self.effects);
         if !self.is_open {
-            self.drives[command.drive].work.stop_waits_for_the_line(&mut self.effects);
+            self.drives[command.drive]
+                .work
+                .stop_waits_for_the_line(&mut self.effects);
         }
     }
 
@@ -88,19 +108,29 @@ impl LineCore {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
         };
-        let frames = frames_of(&setup.model, address, count).ok_or(Refusal::TooManyFrames).map_err(refused)?;
+        let frames = frames_of(&setup.model, address, count)
+            .ok_or(Refusal::TooManyFrames)
+            .map_err(refused)?;
         self.may_wait(now, request.drive)?;
         let parts: Vec<u16> = frames.iter().map(|(_, count)| *count).collect();
         let id = self.natives.open(request, &parts);
         for (part, (address, count)) in (0..).zip(frames) {
-            let key = ReadKey { drive: request.drive, what: NativeQuery::Words { address, count } };
+            let key = ReadKey {
+                drive: request.drive,
+                what: NativeQuery::Words { address, count },
+            };
             self.queue(key, request.asker, WaiterId { request: id, part })?;
         }
         Ok(())
     }
 
     /// A loop test is sent to the drive if it serves function 08.
-    fn take_loop(&mut self, now: MonoTime, request: &NativeRequest, data: u16) -> Result<(), NativeOutcome> {
+    fn take_loop(
+        &mut self,
+        now: MonoTime,
+        request: &NativeRequest,
+        data: u16,
+    ) -> Result<(), NativeOutcome> {
         let Some(DriveOnLine { setup, .. }) = self.drives.get(request.drive) else {
             return Err(NativeOutcome::Refused(Refusal::NoSuchUnit));
         };
@@ -109,11 +139,26 @@ impl LineCore {
         }
         self.may_wait(now, request.drive)?;
         let id = self.natives.open(request, &[]);
-        let key = ReadKey { drive: request.drive, what: NativeQuery::Loop { data } };
-        self.queue(key, request.asker, WaiterId { request: id, part: 0 })
+        let key = ReadKey {
+            drive: request.drive,
+            what: NativeQuery::Loop { data },
+        };
+        self.queue(
+            key,
+            request.asker,
+            WaiterId {
+                request: id,
+                part: 0,
+            },
+        )
     }
 
-    fn queue(&mut self, key: ReadKey, asker: AskerId, waiter: WaiterId) -> Result<(), NativeOutcome> {
+    fn queue(
+        &mut self,
+        key: ReadKey,
+        asker: AskerId,
+        waiter: WaiterId,
+    ) -> Result<(), NativeOutcome> {
         match self.schedule.push_read(key, asker, waiter) {
             Ok(Queued::Alone) => Ok(()),
             Ok(Queued::Joined) => {
@@ -132,20 +177,50 @@ impl LineCore {
         address: Address,
         values: &[u16],
     ) -> Result<(), NativeOutcome> {
-        let NativeRequest { asker, ticket, drive, origin, deadline, .. } = *request;
+        let NativeRequest {
+            asker,
+            ticket,
+            drive,
+            origin,
+            deadline,
+            ..
+        } = *request;
         let order = self.order_of(drive, address, values).map_err(|reason| {
-            let tried = Tried::Registers { address, values: values.to_vec() };
-            self.effects.attempt_ended(drive, origin.owner, tried, Report::refused(reason));
-            refused(if reason == Reason::UnknownDrive { Refusal::NoSuchUnit } else { Refusal::Guard(reason) })
+            let tried = Tried::Registers {
+                address,
+                values: values.to_vec(),
+            };
+            self.effects
+                .attempt_ended(drive, origin.owner, tried, Report::refused(reason));
+            refused(if reason == Reason::UnknownDrive {
+                Refusal::NoSuchUnit
+            } else {
+                Refusal::Guard(reason)
+            })
         })?;
         let start_before = deadline.min(now + COMMAND_DEADLINE);
         let (issued, epoch, trial) = (None, None, None);
-        let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
+        let command = CommandRequest {
+            asker,
+            ticket,
+            drive,
+            origin,
+            order,
+            start_before,
+            issued,
+            epoch,
+            trial,
+        };
         self.command(now, &command, Waiter::of_write(asker, ticket, drive));
         Ok(())
     }
 
-    fn order_of(&self, drive: DriveIndex, address: Address, values: &[u16]) -> Result<Order, Reason> {
+    fn order_of(
+        &self,
+        drive: DriveIndex,
+        address: Address,
+        values: &[u16],
+    ) -> Result<Order, Reason> {
         let DriveOnLine { setup, work, .. } = self.drives.get(drive).ok_or(Reason::UnknownDrive)?;
         work.guard().control().ok_or(Reason::ReadOnly)?;
         decode::order_on(&setup.model, work.guard().bases(), address, values)

@@ -22,10 +22,15 @@ impl LineCore {
     pub(super) fn pick_barrier(&self, now: MonoTime) -> Option<(DriveIndex, Request)> {
         self.drives.iter().find_map(|drive| {
             let station = &drive.station;
-            if !station.is_dirty(now) || now < station.may_be_asked_from() || !self.is_held_up(now, drive) {
+            if !station.is_dirty(now)
+                || now < station.may_be_asked_from()
+                || !self.is_held_up(now, drive)
+            {
                 return None;
             }
-            let barrier = self.usable_barriers(drive).find(|request| now >= station.unmistakable_at(request))?;
+            let barrier = self
+                .usable_barriers(drive)
+                .find(|request| now >= station.unmistakable_at(request))?;
             Some((drive.index, barrier))
         })
     }
@@ -43,7 +48,12 @@ impl LineCore {
 
     /// When a barrier of `drive` may be tried, if one is untried: its reply must be beyond doubt.
     pub(super) fn trial_at(&self, drive: &DriveOnLine) -> Option<MonoTime> {
-        self.trial(drive).map(|_| drive.station.clean_at().max(drive.station.may_be_asked_from()))
+        self.trial(drive).map(|_| {
+            drive
+                .station
+                .clean_at()
+                .max(drive.station.may_be_asked_from())
+        })
     }
 
     /// When `request`, or a barrier that makes it possible, may be sent to `drive`.
@@ -53,8 +63,13 @@ impl LineCore {
         if unmistakable == MonoTime::ZERO {
             return station.may_be_asked_from();
         }
-        let barrier = self.usable_barriers(drive).map(|request| station.unmistakable_at(&request)).min();
-        barrier.map_or(unmistakable, |barrier| unmistakable.min(barrier)).max(station.may_be_asked_from())
+        let barrier = self
+            .usable_barriers(drive)
+            .map(|request| station.unmistakable_at(&request))
+            .min();
+        barrier
+            .map_or(unmistakable, |barrier| unmistakable.min(barrier))
+            .max(station.may_be_asked_from())
     }
 
     /// Whether work waits for `drive` and all of it is held up by replies that may arrive late.
@@ -69,15 +84,31 @@ impl LineCore {
         waits
     }
 
-    fn waiting_requests<'a>(&'a self, now: MonoTime, drive: &'a DriveOnLine) -> impl Iterator<Item = Request> + 'a {
-        let reads = self.schedule.reads().filter(|key| key.drive == drive.index).map(ReadKey::request);
-        let may_wait = move |want: &Want| want.at <= now && !is_stop(want.rank) && !drive.is_withheld(want.rank);
+    fn waiting_requests<'a>(
+        &'a self,
+        now: MonoTime,
+        drive: &'a DriveOnLine,
+    ) -> impl Iterator<Item = Request> + 'a {
+        let reads = self
+            .schedule
+            .reads()
+            .filter(|key| key.drive == drive.index)
+            .map(ReadKey::request);
+        let may_wait = move |want: &Want| {
+            want.at <= now && !is_stop(want.rank) && !drive.is_withheld(want.rank)
+        };
         let wants = drive.work.wants().filter(may_wait);
         let polls = drive.plan.iter().filter(move |(_, _, due)| *due <= now);
-        wants.map(|want| want.request).chain(reads).chain(polls.map(|(_, group, _)| poll_request(group)))
+        wants
+            .map(|want| want.request)
+            .chain(reads)
+            .chain(polls.map(|(_, group, _)| poll_request(group)))
     }
 
-    fn usable_barriers<'a>(&self, drive: &'a DriveOnLine) -> impl Iterator<Item = Request> + use<'a> {
+    fn usable_barriers<'a>(
+        &self,
+        drive: &'a DriveOnLine,
+    ) -> impl Iterator<Item = Request> + use<'a> {
         drive.barriers.usable(self.echo.known(), self.nonces.peek())
     }
 

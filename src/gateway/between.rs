@@ -12,8 +12,10 @@ use crate::wire::pdu::Request;
 impl LineCore {
     /// This gateway may not send at `now`: sends a stop that waits, if it is time for that.
     pub(super) fn stop_between(&mut self, now: MonoTime) {
-        let Some((drive, want)) =
-            self.next_between(now).filter(|(at, ..)| *at <= now).map(|(_, drive, want)| (drive, want))
+        let Some((drive, want)) = self
+            .next_between(now)
+            .filter(|(at, ..)| *at <= now)
+            .map(|(_, drive, want)| (drive, want))
         else {
             return;
         };
@@ -23,7 +25,10 @@ impl LineCore {
             return;
         }
         let is_first = self.drives[drive].work.unsent_stop().is_some();
-        if !self.drives[drive].work.send(want.rank, now, &mut self.effects) {
+        if !self.drives[drive]
+            .work
+            .send(want.rank, now, &mut self.effects)
+        {
             return;
         }
         if is_first {
@@ -41,35 +46,59 @@ impl LineCore {
     fn next_between(&self, now: MonoTime) -> Option<(MonoTime, DriveIndex, Want)> {
         let share = self.share.as_ref().filter(|_| self.listens())?;
         let last_byte_at = self.wire.last_byte_at();
-        let wants = self.drives.iter().filter(|drive| drive.work.has_stop()).flat_map(|drive| {
-            let from = share.rule.knowledge().stops_from(drive.work.is_stop_declared());
-            let room = share.rule.makes_room().then(|| share.rule.times().room());
-            let leaves_room = move |at| room.map_or(at, |room| share.gap.in_burst(at, room));
-            drive.work.wants().filter_map(move |want| {
-                let due = drive.wanted_from(&want).max(from);
-                let at = match want.rank {
-                    Rank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
-                    Rank::RepeatedStop => leaves_room(share.gap.again_at(due, last_byte_at, now)),
-                    // Another gateway reads its drives itself, and would take a read for one of a rival.
-                    // One that hears nothing learns nothing by it.
-                    Rank::Look if self.is_seen_by_others(drive, now) || share.rule.is_deaf() => return None,
-                    Rank::Look => leaves_room(share.gap.look_at(due, last_byte_at, now)),
-                    Rank::Step | Rank::Trip | Rank::Start => return None,
-                };
-                Some((at, drive.index, want))
-            })
-        });
-        wants.filter(|(at, ..)| *at < MonoTime::NEVER).min_by_key(|(at, _, want)| (*at, want.rank, want.at))
+        let wants = self
+            .drives
+            .iter()
+            .filter(|drive| drive.work.has_stop())
+            .flat_map(|drive| {
+                let from = share
+                    .rule
+                    .knowledge()
+                    .stops_from(drive.work.is_stop_declared());
+                let room = share.rule.makes_room().then(|| share.rule.times().room());
+                let leaves_room = move |at| room.map_or(at, |room| share.gap.in_burst(at, room));
+                drive.work.wants().filter_map(move |want| {
+                    let due = drive.wanted_from(&want).max(from);
+                    let at = match want.rank {
+                        Rank::FirstStop => share.gap.stop_at(due, last_byte_at, now),
+                        Rank::RepeatedStop => {
+                            leaves_room(share.gap.again_at(due, last_byte_at, now))
+                        }
+                        // Another gateway reads its drives itself, and would take a read for one of a rival.
+                        // One that hears nothing learns nothing by it.
+                        Rank::Look
+                            if self.is_seen_by_others(drive, now) || share.rule.is_deaf() =>
+                        {
+                            return None;
+                        }
+                        Rank::Look => leaves_room(share.gap.look_at(due, last_byte_at, now)),
+                        Rank::Step | Rank::Trip | Rank::Start => return None,
+                    };
+                    Some((at, drive.index, want))
+                })
+            });
+        wants
+            .filter(|(at, ..)| *at < MonoTime::NEVER)
+            .min_by_key(|(at, _, want)| (*at, want.rank, want.at))
     }
 
     /// Whether another gateway reads the drive, or is active and decides when.
     fn is_seen_by_others(&self, drive: &DriveOnLine, now: MonoTime) -> bool {
-        let is_led = self.share.as_ref().is_some_and(|share| share.gap.is_led(now));
+        let is_led = self
+            .share
+            .as_ref()
+            .is_some_and(|share| share.gap.is_led(now));
         is_led || drive.work.is_read_by_others(now)
     }
 
     /// The exchange of such a frame has ended.
-    pub(super) fn between_ended(&mut self, now: MonoTime, drive: DriveIndex, rank: Rank, ending: &Ending) {
+    pub(super) fn between_ended(
+        &mut self,
+        now: MonoTime,
+        drive: DriveIndex,
+        rank: Rank,
+        ending: &Ending,
+    ) {
         if !self.listens() {
             return;
         }
@@ -88,7 +117,10 @@ impl LineCore {
     /// The gateway shuts down while it listens. Another gateway controls the drives, unless this one would have heard it take
     /// the line, and still has control.
     pub(super) fn end_listening(&mut self, now: MonoTime) {
-        let is_informed = self.share.as_ref().is_some_and(|share| share.rule.knowledge().is_informed(now));
+        let is_informed = self
+            .share
+            .as_ref()
+            .is_some_and(|share| share.rule.knowledge().is_informed(now));
         for work in self.drives.works_mut() {
             if is_informed && work.guard().lease().is_some() {
                 work.shut_down(now, &mut self.effects);
@@ -103,20 +135,25 @@ impl LineCore {
     /// a late one to a stop of this gateway is none.
     pub(super) fn hears_stop(&mut self, now: MonoTime, frame: &[u8]) -> bool {
         let decoded = framing::decode(self.timing.framing, frame).filter(|_| self.share.is_some());
-        let Some((_, pdu)) = decoded else { return false };
+        let Some((_, pdu)) = decoded else {
+            return false;
+        };
         if self.is_answer_to_stop(now, frame) {
             return true;
         }
         let is_late = |drive: DriveIndex| {
             let mut own = Vec::new();
             let late = self.drives[drive].station.answered_late(&pdu, now);
-            late.into_iter().for_each(|(request, _)| request.encode(&mut own));
+            late.into_iter()
+                .for_each(|(request, _)| request.encode(&mut own));
             own == *pdu
         };
         let mut stopped = self.stops_in(frame);
         stopped.retain(|(drive, _)| !is_late(*drive));
         for (drive, coast) in &stopped {
-            self.drives[*drive].work.stopped_by_another(*coast, now, &mut self.effects);
+            self.drives[*drive]
+                .work
+                .stopped_by_another(*coast, now, &mut self.effects);
         }
         if !stopped.is_empty() {
             self.awaits_answer(now, frame, Request::decode(&pdu));
@@ -126,8 +163,14 @@ impl LineCore {
 
     /// The drive answers the stop `frame` of another gateway first.
     fn awaits_answer(&mut self, now: MonoTime, frame: &[u8], request: Option<Request>) {
-        let (Some(share), Some(request)) = (&mut self.share, request) else { return };
-        let asked = self.drives.iter().map(|drive| drive.wait_for(&request, &self.timing)).max();
+        let (Some(share), Some(request)) = (&mut self.share, request) else {
+            return;
+        };
+        let asked = self
+            .drives
+            .iter()
+            .map(|drive| drive.wait_for(&request, &self.timing))
+            .max();
         // The other one waits no longer.
         let until = now + asked.unwrap_or_default() / 2;
         share.heard_stop = Some((frame.to_vec(), until));
@@ -136,8 +179,12 @@ impl LineCore {
 
     /// Whether `frame` is the drive's answer to such a stop, which repeats it. The line is free then.
     fn is_answer_to_stop(&mut self, now: MonoTime, frame: &[u8]) -> bool {
-        let Some(share) = &mut self.share else { return false };
-        let Some((_, until)) = share.heard_stop.take_if(|(stop, _)| stop == frame) else { return false };
+        let Some(share) = &mut self.share else {
+            return false;
+        };
+        let Some((_, until)) = share.heard_stop.take_if(|(stop, _)| stop == frame) else {
+            return false;
+        };
         if now < until {
             self.wire.release(until);
         }

@@ -31,13 +31,18 @@ const MANY: usize = 2;
 impl LineCore {
     /// Sends the stop that every drive of the line waits for as one frame, if there is such a stop. Returns whether it did.
     pub(super) fn stop_all(&mut self, now: MonoTime) -> bool {
-        let Some((station, request)) = self.common_stop(now) else { return false };
+        let Some((station, request)) = self.common_stop(now) else {
+            return false;
+        };
         self.measured.sent(now.since(self.wire.may_send_from()));
         let mut frame = Vec::with_capacity(16);
-        self.wire.broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
+        self.wire
+            .broadcast(now, station, &request, BROADCAST_TURNAROUND, &mut frame);
         let end = now + self.timing.on_wire(frame.len());
         for drive in self.drives.iter_mut() {
-            drive.station.pause_until(end + drive.setup.model.timing.pause_after(false));
+            drive
+                .station
+                .pause_until(end + drive.setup.model.timing.pause_after(false));
         }
         self.counters.requests += 1;
         self.counters.broadcasts += 1;
@@ -52,7 +57,10 @@ impl LineCore {
         let station = self.all_stop_at?;
         let unsent = self.drives.works().filter_map(DriveWork::unsent_stop);
         let stop = unsent.clone().next().filter(|_| unsent.count() >= MANY)?;
-        let is_common = self.drives.works().all(|work| work.stop_frame(now).as_ref() == Some(&stop));
+        let is_common = self
+            .drives
+            .works()
+            .all(|work| work.stop_frame(now).as_ref() == Some(&stop));
         is_common.then_some((station, stop))
     }
 }

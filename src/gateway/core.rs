@@ -156,7 +156,9 @@ impl LineCore {
             if setup.keeps && share.is_some() {
                 drive.work.remember_listening(&drive.setup.remembered, now);
             } else if setup.keeps {
-                drive.work.remember(&drive.setup.remembered, now, &mut effects);
+                drive
+                    .work
+                    .remember(&drive.setup.remembered, now, &mut effects);
             }
         }
         Self {
@@ -174,7 +176,10 @@ impl LineCore {
             wire: setup.wire(now),
             nonces: Nonces::new(setup.first_epoch),
             echo: EchoWatch::new(!setup.timing.framing.identifies_replies()),
-            health: Health::new(setup.timing.framing, setup.drives.iter().map(|drive| drive.station)),
+            health: Health::new(
+                setup.timing.framing,
+                setup.drives.iter().map(|drive| drive.station),
+            ),
             schedule: Schedule::default(),
             natives: Natives::default(),
             flight: None,
@@ -255,19 +260,44 @@ impl LineCore {
     /// When [`Input::Time`] is due next.
     #[must_use]
     pub fn next_wake(&self) -> Option<Wake> {
-        let deadline = self.natives.next_deadline().map(|at| Wake { at, reason: WakeReason::RequestDeadline });
+        let deadline = self.natives.next_deadline().map(|at| Wake {
+            at,
+            reason: WakeReason::RequestDeadline,
+        });
         let control = self.drives.works().filter_map(DriveWork::next_wake).min();
-        let control = control.map(|at| Wake { at, reason: WakeReason::ControlDue });
+        let control = control.map(|at| Wake {
+            at,
+            reason: WakeReason::ControlDue,
+        });
         let wire = self.wire.wake_at().map(|at| {
-            let reason = if self.wire.is_busy() { WakeReason::ReplyDue } else { WakeReason::FrameEnd };
+            let reason = if self.wire.is_busy() {
+                WakeReason::ReplyDue
+            } else {
+                WakeReason::FrameEnd
+            };
             Wake { at, reason }
         });
-        let overdue = self.overdue_at().map(|at| Wake { at, reason: WakeReason::ReplyDue });
-        let work = if self.wire.is_busy() { None } else { self.work_wake() };
-        [deadline, control, wire, overdue, work, self.health_wake(), self.share_wake()]
-            .into_iter()
-            .flatten()
-            .min_by_key(|wake| wake.at)
+        let overdue = self.overdue_at().map(|at| Wake {
+            at,
+            reason: WakeReason::ReplyDue,
+        });
+        let work = if self.wire.is_busy() {
+            None
+        } else {
+            self.work_wake()
+        };
+        [
+            deadline,
+            control,
+            wire,
+            overdue,
+            work,
+            self.health_wake(),
+            self.share_wake(),
+        ]
+        .into_iter()
+        .flatten()
+        .min_by_key(|wake| wake.at)
     }
 
     /// Whether an exchange is on the wire, or waits only for the silence before it: new requests cannot change
@@ -277,7 +307,8 @@ impl LineCore {
         if self.wire.is_busy() {
             return self.flight.as_ref().is_none_or(|flight| !flight.is_overdue);
         }
-        self.work_wake().is_some_and(|wake| wake.reason == WakeReason::SilentInterval)
+        self.work_wake()
+            .is_some_and(|wake| wake.reason == WakeReason::SilentInterval)
     }
 
     /// Counts since start.
@@ -310,7 +341,9 @@ impl LineCore {
     /// Leaves the line at `now`: every open attempt gets an outcome. A pending stop stays pending.
     pub fn end_attempts(&mut self, now: MonoTime) {
         self.effects.set_time(now);
-        self.drives.works_mut().for_each(|work| work.end_attempts(&mut self.effects));
+        self.drives
+            .works_mut()
+            .for_each(|work| work.end_attempts(&mut self.effects));
     }
 
     /// Whether a stop waits that has never been sent.
@@ -324,12 +357,18 @@ impl LineCore {
         // On a line that is listened to, a drive that moves is in use by another gateway.
         let listens = self.listens();
         let is_ours = move |work: &DriveWork| !listens || work.is_bound();
-        self.drives.iter().filter(move |it| it.work.is_in_use() && is_ours(&it.work)).map(|it| it.index)
+        self.drives
+            .iter()
+            .filter(move |it| it.work.is_in_use() && is_ours(&it.work))
+            .map(|it| it.index)
     }
 
     /// The drives that still need this line: a stop in progress, a reset that has begun, control.
     pub fn bound(&self) -> impl Iterator<Item = DriveIndex> + '_ {
-        self.drives.iter().filter(|drive| drive.work.is_bound()).map(|drive| drive.index)
+        self.drives
+            .iter()
+            .filter(|drive| drive.work.is_bound())
+            .map(|drive| drive.index)
     }
 
     pub(super) fn is_offline(&self, drive: DriveIndex) -> bool {
@@ -359,7 +398,9 @@ impl LineCore {
         }
         for drive in self.drives.indices() {
             let is_offline = self.is_offline(drive);
-            self.drives[drive].work.pass(now, is_offline, &mut self.effects);
+            self.drives[drive]
+                .work
+                .pass(now, is_offline, &mut self.effects);
             if let Some(until) = self.drives[drive].work.take_rest() {
                 self.rest(drive, until);
             }
@@ -376,7 +417,9 @@ impl LineCore {
         }
         let ended = self.wire.receive(now, bytes);
         // More bytes may change whether the wait can be cut short for a stop.
-        self.flight.iter_mut().for_each(|flight| flight.is_overdue = false);
+        self.flight
+            .iter_mut()
+            .for_each(|flight| flight.is_overdue = false);
         self.tell_heard(now);
         let done = ended.and_then(|(exchange, ending)| self.ended(now, exchange, ending));
         self.health.is_mute = false;
@@ -392,6 +435,7 @@ impl LineCore {
     }
 
     pub(super) fn drop_unwanted(&mut self) {
-        self.schedule.drop_unwanted(|waiter| self.natives.is_waited_for(waiter));
+        self.schedule
+            .drop_unwanted(|waiter| self.natives.is_waited_for(waiter));
     }
 }

@@ -47,10 +47,17 @@ impl LineCore {
         if !self.may_send(now) {
             return self.stop_between(now);
         }
-        if self.claim(now) || self.stop_all(now) || self.call_roll(now) || self.hand_over(now) || self.say_role(now) {
+        if self.claim(now)
+            || self.stop_all(now)
+            || self.call_roll(now)
+            || self.hand_over(now)
+            || self.say_role(now)
+        {
             return;
         }
-        let Some(picked) = self.pick(now) else { return self.sign_of_life(now) };
+        let Some(picked) = self.pick(now) else {
+            return self.sign_of_life(now);
+        };
         self.open_exchange(now, picked);
     }
 
@@ -73,7 +80,12 @@ impl LineCore {
         let differs = !request.is_repeated_by_its_reply();
         let function = request.function();
         let doubts_refusal = in_doubt.then(|| request.clone());
-        let exchange = Exchange { station, request, timeout, in_doubt };
+        let exchange = Exchange {
+            station,
+            request,
+            timeout,
+            in_doubt,
+        };
         let mut frame = Vec::with_capacity(16);
         self.measured.sent(now.since(self.wire.may_send_from()));
         self.wire.send(now, exchange, &mut frame);
@@ -111,17 +123,25 @@ impl LineCore {
                     self.measured.stop_sent(accepted, now);
                 }
             }
-        } else if let Some(Flight { drive, purpose: Purpose::Work(rank), .. }) = &self.flight
+        } else if let Some(Flight {
+            drive,
+            purpose: Purpose::Work(rank),
+            ..
+        }) = &self.flight
             && is_stop(*rank)
         {
-            self.drives[*drive].work.stop_was_transmitted(now, &mut self.effects);
+            self.drives[*drive]
+                .work
+                .stop_was_transmitted(now, &mut self.effects);
         }
     }
 
     fn pick(&mut self, now: MonoTime) -> Option<Picked> {
         match self.health.trouble {
             Some(LineFault::Jammed) => self.pick_work(now, Rank::RepeatedStop),
-            Some(LineFault::Echo) => self.pick_work(now, Rank::Look).or_else(|| self.pick_due_probe(now)),
+            Some(LineFault::Echo) => self
+                .pick_work(now, Rank::Look)
+                .or_else(|| self.pick_due_probe(now)),
             _ => self.pick_any(now),
         }
     }
@@ -129,7 +149,11 @@ impl LineCore {
     /// The drives' own work, barriers, overdue polls, then native reads and polls alternately. Between the first steps of
     /// two commands, others get an exchange if they wait.
     fn pick_any(&mut self, now: MonoTime) -> Option<Picked> {
-        let last_rank = if self.others_turn { Rank::Trip } else { Rank::Start };
+        let last_rank = if self.others_turn {
+            Rank::Trip
+        } else {
+            Rank::Start
+        };
         if let Some(picked) = self.pick_work(now, last_rank) {
             return Some(picked);
         }
@@ -145,7 +169,9 @@ impl LineCore {
         }
         // The remaining steps of the last command were not a turn of others.
         self.others_turn = false;
-        let other = self.pick_other(now).or_else(|| self.pick_work(now, Rank::Start));
+        let other = self
+            .pick_other(now)
+            .or_else(|| self.pick_work(now, Rank::Start));
         other.or_else(|| self.pick_trial(now, Duration::ZERO))
     }
 
@@ -178,8 +204,12 @@ impl LineCore {
     fn pick_work(&mut self, now: MonoTime, last_rank: Rank) -> Option<Picked> {
         loop {
             let (drive, want) = self.most_urgent(now, last_rank)?;
-            let is_new_stop = want.rank == Rank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
-            if self.drives[drive].work.send(want.rank, now, &mut self.effects) {
+            let is_new_stop =
+                want.rank == Rank::FirstStop && self.drives[drive].work.unsent_stop().is_some();
+            if self.drives[drive]
+                .work
+                .send(want.rank, now, &mut self.effects)
+            {
                 self.others_turn |= want.rank == Rank::Start;
                 if is_new_stop {
                     self.measured.stop_sent(want.at, now);
@@ -195,10 +225,19 @@ impl LineCore {
             let is_silent = drive.station.is_known_silent() || now < drive.station.rests_until();
             let rests = !drive.work.is_moving();
             for want in drive.work.wants() {
-                if want.rank > last_rank || now < drive.wanted_from(&want) || self.needs_probe(&want) {
+                if want.rank > last_rank
+                    || now < drive.wanted_from(&want)
+                    || self.needs_probe(&want)
+                {
                     continue;
                 }
-                let key = (want.rank, self.cut_short == Some(drive.index), is_silent, rests, want.at);
+                let key = (
+                    want.rank,
+                    self.cut_short == Some(drive.index),
+                    is_silent,
+                    rests,
+                    want.at,
+                );
                 if best.as_ref().is_none_or(|(best, ..)| key < *best) {
                     best = Some((key, drive.index, want));
                 }
@@ -224,7 +263,14 @@ impl LineCore {
                 let is_better = best.as_ref().is_none_or(|(best, _)| urgency < *best);
                 let is_old_enough = !aged || plan.is_aged(group, due, now);
                 if is_better && is_old_enough && drive.may_be_asked(now, &poll_request(group)) {
-                    best = Some((urgency, DuePoll { drive: drive.index, index, group }));
+                    best = Some((
+                        urgency,
+                        DuePoll {
+                            drive: drive.index,
+                            index,
+                            group,
+                        },
+                    ));
                 }
             }
         }
@@ -232,25 +278,49 @@ impl LineCore {
     }
 
     fn take_poll(&mut self, now: MonoTime, poll: DuePoll) -> Picked {
-        let DuePoll { drive, index, group } = poll;
-        let DriveOnLine { station, plan, setup, .. } = &mut self.drives[drive];
-        let may_go = |address, count| now >= station.unmistakable_at(&Request::Read { address, count });
+        let DuePoll {
+            drive,
+            index,
+            group,
+        } = poll;
+        let DriveOnLine {
+            station,
+            plan,
+            setup,
+            ..
+        } = &mut self.drives[drive];
+        let may_go =
+            |address, count| now >= station.unmistakable_at(&Request::Read { address, count });
         let taken = plan.take(index, now, &setup.model, may_go);
         let (address, count) = taken.unwrap_or((group.address, group.count));
         // A client may wait for the same words: then one exchange serves both.
-        let same = ReadKey { drive, what: NativeQuery::Words { address, count } };
-        let purpose = self.schedule.take_same(&same).map_or(Purpose::Poll, Purpose::Read);
+        let same = ReadKey {
+            drive,
+            what: NativeQuery::Words { address, count },
+        };
+        let purpose = self
+            .schedule
+            .take_same(&same)
+            .map_or(Purpose::Poll, Purpose::Read);
         (drive, Request::Read { address, count }, purpose)
     }
 
     /// When a frame may be sent. During babble there is no wait for silence.
     fn free_from(&self) -> MonoTime {
-        if self.health.is_jammed() { self.wire.held_until() } else { self.wire.may_send_from() }
+        if self.health.is_jammed() {
+            self.wire.held_until()
+        } else {
+            self.wire.may_send_from()
+        }
     }
 
     /// When the next frame could be sent, if anything waits or will be due.
     pub(super) fn work_wake(&self) -> Option<Wake> {
-        if self.is_parked { None } else { self.frame_wake() }
+        if self.is_parked {
+            None
+        } else {
+            self.frame_wake()
+        }
     }
 
     /// When the next frame could be sent over a connection.
@@ -261,24 +331,51 @@ impl LineCore {
         let silence = self.wire.may_send_from();
         if self.health.is_jammed() {
             // The first silence ends the jam; a stop does not wait for it.
-            let stop = self.wanted_at(Rank::RepeatedStop).unwrap_or(MonoTime::NEVER);
+            let stop = self
+                .wanted_at(Rank::RepeatedStop)
+                .unwrap_or(MonoTime::NEVER);
             let at = stop.max(self.wire.held_until()).min(silence);
-            return Some(Wake { at, reason: WakeReason::SilentInterval });
+            return Some(Wake {
+                at,
+                reason: WakeReason::SilentInterval,
+            });
         }
         if self.listens() {
             let now = self.effects.now();
-            let at = self.answer_at().into_iter().chain(self.between_at(now)).min()?.max(silence);
-            return Some(Wake { at, reason: WakeReason::WorkDue });
+            let at = self
+                .answer_at()
+                .into_iter()
+                .chain(self.between_at(now))
+                .min()?
+                .max(silence);
+            return Some(Wake {
+                at,
+                reason: WakeReason::WorkDue,
+            });
         }
         let any = || {
-            let others = [self.sign_of_life_at(), self.role_said_again_at(), self.yields_at(), self.roll_call_at()];
+            let others = [
+                self.sign_of_life_at(),
+                self.role_said_again_at(),
+                self.yields_at(),
+                self.roll_call_at(),
+            ];
             others.into_iter().chain([self.work_at()]).flatten().min()
         };
-        let work = self.claims_at().or_else(|| self.silent_until()).or_else(any)?;
+        let work = self
+            .claims_at()
+            .or_else(|| self.silent_until())
+            .or_else(any)?;
         Some(if work > silence {
-            Wake { at: work, reason: WakeReason::WorkDue }
+            Wake {
+                at: work,
+                reason: WakeReason::WorkDue,
+            }
         } else {
-            Wake { at: silence, reason: WakeReason::SilentInterval }
+            Wake {
+                at: silence,
+                reason: WakeReason::SilentInterval,
+            }
         })
     }
 
@@ -286,7 +383,11 @@ impl LineCore {
     /// unambiguous, or a barrier can make it so.
     pub(super) fn work_at(&self) -> Option<MonoTime> {
         if self.health.trouble == Some(LineFault::Echo) {
-            return self.wanted_at(Rank::Look).into_iter().chain([self.health.probe_at]).min();
+            return self
+                .wanted_at(Rank::Look)
+                .into_iter()
+                .chain([self.health.probe_at])
+                .min();
         }
         let wants = self.drives.iter().flat_map(|drive| {
             drive.work.wants().map(move |want| match want.rank {
@@ -294,15 +395,24 @@ impl LineCore {
                 Rank::Look => {
                     let unmistakable = drive.station.unmistakable_at(&want.request);
                     let free_at = unmistakable.min(self.free_at(drive, &want.request));
-                    want.at.max(free_at).max(drive.station.rests_until()).max(drive.station.pauses_until())
+                    want.at
+                        .max(free_at)
+                        .max(drive.station.rests_until())
+                        .max(drive.station.pauses_until())
                 }
                 rank if drive.is_withheld(rank) => MonoTime::NEVER,
                 _ => want.at.max(self.free_at(drive, &want.request)),
             })
         });
-        let reads = self.schedule.reads().map(|key| self.free_at(&self.drives[key.drive], &key.request()));
+        let reads = self
+            .schedule
+            .reads()
+            .map(|key| self.free_at(&self.drives[key.drive], &key.request()));
         let polls = self.drives.iter().flat_map(|drive| {
-            drive.plan.iter().map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
+            drive
+                .plan
+                .iter()
+                .map(move |(_, group, due)| due.max(self.free_at(drive, &poll_request(group))))
         });
         let trials = self.drives.iter().filter_map(|drive| self.trial_at(drive));
         wants.chain(reads).chain(polls).chain(trials).min()
@@ -310,7 +420,10 @@ impl LineCore {
 
     /// When the next wish up to `last_rank` may be granted.
     pub(super) fn wanted_at(&self, last_rank: Rank) -> Option<MonoTime> {
-        let wants = self.drives.iter().flat_map(|drive| drive.work.wants().map(move |want| (drive, want)));
+        let wants = self
+            .drives
+            .iter()
+            .flat_map(|drive| drive.work.wants().map(move |want| (drive, want)));
         let urgent = wants.filter(|(_, want)| want.rank <= last_rank);
         urgent.map(|(drive, want)| drive.wanted_from(&want)).min()
     }
@@ -321,5 +434,8 @@ pub(super) const fn is_stop(rank: Rank) -> bool {
 }
 
 pub(super) fn poll_request(group: PollGroup) -> Request {
-    Request::Read { address: group.address, count: group.count }
+    Request::Read {
+        address: group.address,
+        count: group.count,
+    }
 }

@@ -51,18 +51,42 @@ pub(super) struct DriveOnLine {
 }
 
 impl DriveOnLine {
-    fn new(index: u16, line: &LineSetup, setup: &DriveSetup, budget: &Budget, now: MonoTime) -> Self {
+    fn new(
+        index: u16,
+        line: &LineSetup,
+        setup: &DriveSetup,
+        budget: &Budget,
+        now: MonoTime,
+    ) -> Self {
         let drives = u32::try_from(line.drives.len()).unwrap_or(u32::MAX);
         let place = usize::from(index);
         let pace = Pace::new(setup.poll, budget.stretch);
         let is_identified = line.timing.framing.identifies_replies();
         let plausibility = Plausibility::of(&setup.model);
-        let work = DriveWork::new(DriveIndex(index), &setup.model, setup.control.clone(), line.first_epoch, now);
+        let work = DriveWork::new(
+            DriveIndex(index),
+            &setup.model,
+            setup.control.clone(),
+            line.first_epoch,
+            now,
+        );
         Self {
             index: DriveIndex(index),
             station: StationState::new(&setup.model).identified(is_identified),
-            barriers: if is_identified { Barriers::none() } else { Barriers::new(&setup.model) },
-            plan: PollPlan::new(&setup.model, pace, now, PlaceOnLine { index: u32::from(index), drives }),
+            barriers: if is_identified {
+                Barriers::none()
+            } else {
+                Barriers::new(&setup.model)
+            },
+            plan: PollPlan::new(
+                &setup.model,
+                pace,
+                now,
+                PlaceOnLine {
+                    index: u32::from(index),
+                    drives,
+                },
+            ),
             snapshot: DriveSnapshot::unread(!plausibility.holds()),
             plausibility,
             work: work.watched(line.watchdog_range(place)).polled(pace),
@@ -125,7 +149,8 @@ impl DriveOnLine {
     pub(super) fn asked_before(&mut self, now: MonoTime) {
         let timeouts = &self.setup.timeouts;
         let longest = timeouts.read.max(timeouts.write).max(timeouts.stored_write);
-        self.station.asked_before(now + longest + self.setup.max_lateness);
+        self.station
+            .asked_before(now + longest + self.setup.max_lateness);
     }
 
     /// When a wish of its work may be granted, as far as the drive is concerned.
@@ -140,9 +165,10 @@ impl DriveOnLine {
                 .max(station.pauses_until())
                 .max(station.unmistakable_at(&want.request)),
             rank if self.is_withheld(rank) => MonoTime::NEVER,
-            Rank::Step | Rank::Trip | Rank::Start => {
-                want.at.max(station.may_be_asked_from()).max(station.unmistakable_at(&want.request))
-            }
+            Rank::Step | Rank::Trip | Rank::Start => want
+                .at
+                .max(station.may_be_asked_from())
+                .max(station.unmistakable_at(&want.request)),
         }
     }
 
@@ -179,7 +205,10 @@ impl DriveOnLine {
 
     /// The same before anything is learned: the base for declared lateness.
     pub(super) fn full_wait(&self, request: &Request, line: &Timing) -> Duration {
-        let wait = self.setup.timeouts.of(Class::of(request, &self.setup.model));
+        let wait = self
+            .setup
+            .timeouts
+            .of(Class::of(request, &self.setup.model));
         wait + self.setup.reply_time(request, line).1
     }
 
@@ -187,7 +216,10 @@ impl DriveOnLine {
     /// reply seen so far would have arrived by then, even through an adapter that delivers it only as a whole. `None` while
     /// too few were seen.
     pub(super) fn patience(&self, request: &Request, line: &Timing) -> Option<Duration> {
-        let worst = self.measured.reply_times.worst(Class::of(request, &self.setup.model))?;
+        let worst = self
+            .measured
+            .reply_times
+            .worst(Class::of(request, &self.setup.model))?;
         Some(worst + self.setup.reply_time(request, line).0 + line.silence)
     }
 
@@ -214,8 +246,12 @@ impl DriveOnLine {
         }
         self.ordered_at = now;
         self.work.mark_changed();
-        self.station.pause_until(now + model.timing.pause_after(class == Class::StoredWrite));
-        let deaf = request.written().filter_map(|address| model.deaf_after(address)).max();
+        self.station
+            .pause_until(now + model.timing.pause_after(class == Class::StoredWrite));
+        let deaf = request
+            .written()
+            .filter_map(|address| model.deaf_after(address))
+            .max();
         // Without a reply it may have been taken.
         let is_refused = matches!(ending, Ending::Exception(_));
         if let Some(deaf) = deaf.filter(|_| !is_refused) {
@@ -225,7 +261,13 @@ impl DriveOnLine {
     }
 
     /// Lets the plan learn which registers the drive answers for.
-    pub(super) fn tell_plan(&mut self, now: MonoTime, request: &Request, ending: &Ending, effects: &mut Outbox) {
+    pub(super) fn tell_plan(
+        &mut self,
+        now: MonoTime,
+        request: &Request,
+        ending: &Ending,
+        effects: &mut Outbox,
+    ) {
         let (address, count) = match request {
             Request::Read { address, count } => (*address, *count),
             _ => (Address::default(), 0),
@@ -234,7 +276,8 @@ impl DriveOnLine {
         match ending {
             Ending::Reply(_) => plan.answered(address, count),
             Ending::Exception(code) => {
-                if let Some(refused) = plan.refused((address, count), *code, &self.setup.model, now) {
+                if let Some(refused) = plan.refused((address, count), *code, &self.setup.model, now)
+                {
                     effects.push_back(Effect::Note(self.index, Note::RegisterRefused(refused)));
                     self.work.mark_changed();
                 }
@@ -245,7 +288,12 @@ impl DriveOnLine {
     }
 
     /// The exchange failed: a late reply may follow, and a silent drive is asked less and less often.
-    pub(super) fn was_not_answered(&mut self, now: MonoTime, fault: Fault, missing: impl FnOnce() -> Missing) {
+    pub(super) fn was_not_answered(
+        &mut self,
+        now: MonoTime,
+        fault: Fault,
+        missing: impl FnOnce() -> Missing,
+    ) {
         let what = consequence(fault);
         let station = &mut self.station;
         if what.reply_may_come_late {
@@ -276,7 +324,9 @@ impl DriveOnLine {
     pub(super) fn trial_ended(&mut self, place: usize, request: &Request, ending: &Ending) {
         let barriers = &mut self.barriers;
         match (request, ending) {
-            (Request::Unserved { .. }, Ending::Exception(_)) | (_, Ending::Reply(_)) => barriers.shown(place),
+            (Request::Unserved { .. }, Ending::Exception(_)) | (_, Ending::Reply(_)) => {
+                barriers.shown(place)
+            }
             (_, Ending::Garbled) => barriers.damaged(place),
             (_, Ending::Exception(_) | Ending::Silent) => barriers.failed(place),
         }
@@ -289,7 +339,12 @@ impl DriveOnLine {
         self.snapshot.presence = presence;
         effects.push_back(Effect::Presence(self.index, presence));
         effects.keep(self.index, Entry::Presence(presence));
-        let bases = self.setup.model.registers.iter().flat_map(|register| register.form.bases());
+        let bases = self
+            .setup
+            .model
+            .registers
+            .iter()
+            .flat_map(|register| register.form.bases());
         if presence == Presence::Offline {
             self.work.out_of_sight(effects);
             self.snapshot.forget(bases);
@@ -352,7 +407,10 @@ impl Drives {
 
     /// The drive with the number `station` on the line; `None` if it is not configured.
     pub(super) fn at_station(&self, station: Station) -> Option<DriveIndex> {
-        self.0.iter().find(|drive| drive.setup.station == station).map(|drive| drive.index)
+        self.0
+            .iter()
+            .find(|drive| drive.setup.station == station)
+            .map(|drive| drive.index)
     }
 
     /// Whether every drive is known to be silent.

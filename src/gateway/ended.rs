@@ -25,7 +25,12 @@ use std::time::Duration;
 pub(super) const BUSY_REST: Duration = Duration::from_millis(200);
 
 impl LineCore {
-    pub(super) fn ended(&mut self, now: MonoTime, exchange: Exchange, ending: Ending) -> Option<Done> {
+    pub(super) fn ended(
+        &mut self,
+        now: MonoTime,
+        exchange: Exchange,
+        ending: Ending,
+    ) -> Option<Done> {
         let flight = self.flight.take()?;
         let drive = &self.drives[flight.drive];
         let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
@@ -33,14 +38,28 @@ impl LineCore {
         let is_unreachable = self.is_unreachable(flight.drive, &ending);
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
         if let Some((reply, late)) = flight.wrong_reply {
-            self.came_instead(now, flight.drive, (&exchange.request, reply), late, ending == Ending::Silent);
+            self.came_instead(
+                now,
+                flight.drive,
+                (&exchange.request, reply),
+                late,
+                ending == Ending::Silent,
+            );
         }
         let (ending, kind) = self.judged(&flight, is_spoilt, ending);
         let proves_nothing = flight.proves_nothing && matches!(ending, Ending::Reply(_));
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
         }
-        let Flight { drive, purpose, was_silent, sent_at, request_end, noise, .. } = flight;
+        let Flight {
+            drive,
+            purpose,
+            was_silent,
+            sent_at,
+            request_end,
+            noise,
+            ..
+        } = flight;
         let doubt = flight.doubt || is_spoilt;
         self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
@@ -49,17 +68,27 @@ impl LineCore {
             // That is how the drive takes it; for how long it hears nothing then is known.
             Some(Fault::Silent) if is_silent_write => Some(Fault::Deaf),
             Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
-            Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => Some(Fault::Deaf),
-            Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => Some(Fault::Ignored),
+            Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => {
+                Some(Fault::Deaf)
+            }
+            Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => {
+                Some(Fault::Ignored)
+            }
             Some(Fault::Silent) if is_unreachable => Some(Fault::Unreachable),
             fault => fault,
         };
-        let missing = || Missing { request: exchange.request.clone(), sent_at: request_end, until };
+        let missing = || Missing {
+            request: exchange.request.clone(),
+            sent_at: request_end,
+            until,
+        };
         match fault {
             // It may not be from the drive, whose reply may still arrive.
             None if proves_nothing => self.drives[drive].station.reply_missing(missing(), now),
             None => {
-                self.drives[drive].station.exchange_ended(&exchange.request, noise > 1, now);
+                self.drives[drive]
+                    .station
+                    .exchange_ended(&exchange.request, noise > 1, now);
                 self.drives[drive].answered(now, doubt.then(missing));
                 self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
             }
@@ -81,7 +110,11 @@ impl LineCore {
         // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
         let shown_by_others = self.listens() && self.drives[drive].work.is_read_by_others(now);
         let doubt = (doubt || proves_nothing) && !shown_by_others;
-        let fault = if proves_nothing { Some(Fault::Stray) } else { fault };
+        let fault = if proves_nothing {
+            Some(Fault::Stray)
+        } else {
+            fault
+        };
         let done = Done {
             drive,
             fault,
@@ -90,14 +123,24 @@ impl LineCore {
             reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
         };
         // What a process finds after it was suspended had arrived in time.
-        let read_at = self.wire.last_byte_at().min(now).min(request_end + exchange.timeout);
+        let read_at = self
+            .wire
+            .last_byte_at()
+            .min(now)
+            .min(request_end + exchange.timeout);
         self.take_words(now, read_at, drive, &purpose, (&exchange.request, &ending));
         let answers = matches!(ending, Ending::Reply(_) | Ending::Exception(_));
         let is_damaged = ending == Ending::Garbled || noise > 0;
         if let Purpose::Work(rank) = purpose {
             self.between_ended(now, drive, rank, &ending);
         }
-        self.tell_purpose(now, drive, purpose, (&exchange.request, ending, kind), doubt);
+        self.tell_purpose(
+            now,
+            drive,
+            purpose,
+            (&exchange.request, ending, kind),
+            doubt,
+        );
         self.forget_the_silent(now, drive);
         self.confirm_share(now, answers, is_damaged);
         Some(done)
@@ -106,23 +149,38 @@ impl LineCore {
     /// What `ending` is worth, and what the drive means by it if that is an exception. A clean frame amid babble may be an
     /// artefact of it, and the frame after an unexplained one may be another of that kind. A stop is sent without proof,
     /// and confirmed by a read-back.
-    fn judged(&self, flight: &Flight, is_spoilt: bool, ending: Ending) -> (Ending, Option<ExceptionKind>) {
+    fn judged(
+        &self,
+        flight: &Flight,
+        is_spoilt: bool,
+        ending: Ending,
+    ) -> (Ending, Option<ExceptionKind>) {
         let ending = match ending {
-            _ if self.health.is_jammed() || self.is_unreachable(flight.drive, &ending) => Ending::Silent,
-            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => Ending::Garbled,
+            _ if self.health.is_jammed() || self.is_unreachable(flight.drive, &ending) => {
+                Ending::Silent
+            }
+            _ if is_spoilt && !matches!(flight.purpose, Purpose::Work(rank) if is_stop(rank)) => {
+                Ending::Garbled
+            }
             ending => ending,
         };
         let model = &self.drives[flight.drive].setup.model;
         let code = match ending {
             Ending::Exception(code) => code,
             // Whatever its value is, it says only that the write was received.
-            Ending::Reply(Reply::Holds { .. }) if model.write.refused.value == RefusedWrite::EchoMayBeOld => {
+            Ending::Reply(Reply::Holds { .. })
+                if model.write.refused.value == RefusedWrite::EchoMayBeOld =>
+            {
                 return (Ending::Reply(Reply::Echo), None);
             }
             ending => return (ending, None),
         };
         let kind = model.exception_kind(code);
-        if kind == Some(ExceptionKind::DamagedFrame) { (Ending::Garbled, kind) } else { (ending, kind) }
+        if kind == Some(ExceptionKind::DamagedFrame) {
+            (Ending::Garbled, kind)
+        } else {
+            (ending, kind)
+        }
     }
 
     /// Takes the words of an exchange, as far as they say something about the drive.
@@ -134,10 +192,15 @@ impl LineCore {
         purpose: &Purpose,
         (request, ending): (&Request, &Ending),
     ) {
-        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
+        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending)
+        else {
+            return;
+        };
         let drive = &mut self.drives[drive];
         match purpose {
-            Purpose::Work(_) | Purpose::Poll => drive.take_words(now, read_at, (*address, words), &mut self.effects),
+            Purpose::Work(_) | Purpose::Poll => {
+                drive.take_words(now, read_at, (*address, words), &mut self.effects)
+            }
             Purpose::Read(_) => drive.take_read(now, read_at, (*address, words), &mut self.effects),
             Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => {}
         }
@@ -146,11 +209,18 @@ impl LineCore {
     /// Whether `ending` is the answer of a converter whose drive is not reached, or has not answered: the drive itself
     /// was silent. A model may name these codes for a reason of the drive's own.
     fn is_unreachable(&self, drive: DriveIndex, ending: &Ending) -> bool {
-        let Ending::Exception(code @ (exception::GATEWAY_PATH_UNAVAILABLE | exception::GATEWAY_TARGET_FAILED)) = ending
+        let Ending::Exception(
+            code @ (exception::GATEWAY_PATH_UNAVAILABLE | exception::GATEWAY_TARGET_FAILED),
+        ) = ending
         else {
             return false;
         };
-        self.timing.may_have_converter() && self.drives[drive].setup.model.exception_text(*code).is_none()
+        self.timing.may_have_converter()
+            && self.drives[drive]
+                .setup
+                .model
+                .exception_text(*code)
+                .is_none()
     }
 
     /// Tells those who wait for the exchange how it ended.
@@ -164,24 +234,37 @@ impl LineCore {
     ) {
         let (request, ending, kind) = ended;
         match (purpose, ending) {
-            (Purpose::Trial(place), ending) => self.drives[drive].trial_ended(place, request, &ending),
+            (Purpose::Trial(place), ending) => {
+                self.drives[drive].trial_ended(place, request, &ending)
+            }
             (Purpose::Work(rank), ending) => {
                 let work = &mut self.drives[drive].work;
                 work.ended(rank, request, &ending, doubt, now, &mut self.effects);
             }
             (Purpose::Read(job), Ending::Exception(_))
-                if kind == Some(ExceptionKind::Busy) && !job.repeated && self.is_waited_for(&job) =>
+                if kind == Some(ExceptionKind::Busy)
+                    && !job.repeated
+                    && self.is_waited_for(&job) =>
             {
                 self.repeat(job);
             }
             (Purpose::Read(job), Ending::Reply(Reply::Words(words))) => self.deliver(job, words),
-            (Purpose::Read(job), Ending::Reply(Reply::Echo)) => self.end_all(job.waiters, &NativeOutcome::Written),
-            (purpose, Ending::Reply(_)) => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
+            (Purpose::Read(job), Ending::Reply(Reply::Echo)) => {
+                self.end_all(job.waiters, &NativeOutcome::Written)
+            }
+            (purpose, Ending::Reply(_)) => {
+                self.end_all(waiters_of(purpose), &NativeOutcome::NoReply)
+            }
             (purpose, Ending::Exception(code)) => {
                 let reason = reason_of(kind);
-                self.end_all(waiters_of(purpose), &NativeOutcome::DriveException { code, reason });
+                self.end_all(
+                    waiters_of(purpose),
+                    &NativeOutcome::DriveException { code, reason },
+                );
             }
-            (purpose, ending @ (Ending::Garbled | Ending::Silent)) => self.read_failed(purpose, &ending),
+            (purpose, ending @ (Ending::Garbled | Ending::Silent)) => {
+                self.read_failed(purpose, &ending)
+            }
         }
     }
 
@@ -226,7 +309,8 @@ impl LineCore {
                 continue;
             }
             let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
-            let rival = ((is_no_echo || is_foreign) && self.share.is_some()).then(|| heard.bytes.clone());
+            let rival =
+                ((is_no_echo || is_foreign) && self.share.is_some()).then(|| heard.bytes.clone());
             match heard.kind {
                 TrafficKind::Echo if is_no_echo => {}
                 TrafficKind::Request => {}
@@ -240,19 +324,32 @@ impl LineCore {
                 }
                 TrafficKind::Foreign(station) => {
                     self.counters.foreign += 1;
-                    let flight = self.flight.as_mut().filter(|_| station.0 == 0 && !was_answered);
+                    let flight = self
+                        .flight
+                        .as_mut()
+                        .filter(|_| station.0 == 0 && !was_answered);
                     // No station has the number 0: it is what the addressed one says.
-                    flight.into_iter().for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
+                    flight
+                        .into_iter()
+                        .for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
                     self.learn_late(now, station, &heard.bytes);
                     self.spoke(now, station, &heard.bytes, was_answered);
                 }
                 TrafficKind::Noise => {
                     self.counters.noise_bytes += heard.bytes.len() as u64;
-                    let flight = self.flight.as_mut().filter(|flight| !was_answered && heard.end > flight.sent_at);
-                    flight.into_iter().for_each(|flight| flight.noise += heard.bytes.len());
+                    let flight = self
+                        .flight
+                        .as_mut()
+                        .filter(|flight| !was_answered && heard.end > flight.sent_at);
+                    flight
+                        .into_iter()
+                        .for_each(|flight| flight.noise += heard.bytes.len());
                 }
             }
-            if matches!(heard.kind, TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_)) {
+            if matches!(
+                heard.kind,
+                TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_)
+            ) {
                 self.share.iter_mut().for_each(|share| {
                     share.rule.answered(now);
                     share.sound_at = now;
@@ -284,7 +381,9 @@ impl LineCore {
     fn read_failed(&mut self, purpose: Purpose, ending: &Ending) {
         let repeats = fault_of(ending).is_some_and(|fault| consequence(fault).repeats_read);
         match purpose {
-            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => self.repeat(job),
+            Purpose::Read(job) if repeats && !job.repeated && self.is_waited_for(&job) => {
+                self.repeat(job)
+            }
             purpose => self.end_all(waiters_of(purpose), &NativeOutcome::NoReply),
         }
     }
@@ -302,29 +401,45 @@ impl LineCore {
             self.drives[drive].set_presence(now, Presence::Offline, &mut self.effects);
             self.drives[drive].barriers.lost();
             let waiting = self.schedule.take_reads_of(drive);
-            self.end_all(waiting.into_iter().flat_map(|job| job.waiters).collect(), &NativeOutcome::NoReply);
+            self.end_all(
+                waiting.into_iter().flat_map(|job| job.waiters).collect(),
+                &NativeOutcome::NoReply,
+            );
         }
     }
 
     fn is_waited_for(&self, job: &ReadJob) -> bool {
-        job.waiters.iter().any(|waiter| self.natives.is_waited_for(*waiter))
+        job.waiters
+            .iter()
+            .any(|waiter| self.natives.is_waited_for(*waiter))
     }
 
     /// A frame of `station` was received that answers no request. A configured station is thereby present. If the frame is
     /// unexplained, another drive may share its number, or its replies exceed the maximum lateness: it is not asked again
     /// before it has been silent for long enough.
     fn spoke(&mut self, now: MonoTime, station: Station, adu: &[u8], was_answered: bool) {
-        let Some(index) = self.drives.at_station(station) else { return };
+        let Some(index) = self.drives.at_station(station) else {
+            return;
+        };
         let DriveOnLine { station, setup, .. } = &mut self.drives[index];
-        let Some((_, pdu)) = framing::decode(self.timing.framing, adu) else { return };
-        let mut flight = self.flight.as_mut().filter(|flight| flight.drive == index && !was_answered);
-        let refused = flight.as_mut().and_then(|it| it.doubts_refusal.take_if(|request| answers(request, &pdu)));
+        let Some((_, pdu)) = framing::decode(self.timing.framing, adu) else {
+            return;
+        };
+        let mut flight = self
+            .flight
+            .as_mut()
+            .filter(|flight| flight.drive == index && !was_answered);
+        let refused = flight
+            .as_mut()
+            .and_then(|it| it.doubts_refusal.take_if(|request| answers(request, &pdu)));
         if let (Some(flight), Some(_)) = (&mut flight, refused) {
             flight.is_spoilt = true;
             station.refused_in_doubt(now);
             return;
         }
-        let waits = flight.as_ref().is_some_and(|flight| flight.wrong_reply.is_none());
+        let waits = flight
+            .as_ref()
+            .is_some_and(|flight| flight.wrong_reply.is_none());
         let stray = station.stray(&pdu, now, setup.max_lateness, waits);
         if consequence(Fault::Stray).drive_is_there {
             station.is_there();
@@ -352,12 +467,19 @@ impl LineCore {
         if nothing {
             let mut frame = Vec::new();
             let station = self.drives[drive].setup.station.0;
-            framing::encode(self.timing.framing, &mut frame, station, |pdu| request.encode(pdu));
-            return self.health.diagnosis.wrong_reply(drive.get(), HeardFrame::of(&frame), reply);
+            framing::encode(self.timing.framing, &mut frame, station, |pdu| {
+                request.encode(pdu)
+            });
+            return self
+                .health
+                .diagnosis
+                .wrong_reply(drive.get(), HeardFrame::of(&frame), reply);
         }
         let Some(late) = late else { return };
         self.drives[drive].station.is_unexplained(late, now);
-        self.health.diagnosis.stray(drive.get(), Stray::TooMany(late));
+        self.health
+            .diagnosis
+            .stray(drive.get(), Stray::TooMany(late));
         self.health.damage.stray(drive.get(), Stray::TooMany(late));
     }
 }
@@ -365,7 +487,9 @@ impl LineCore {
 /// Whether a drive of `model` never answers `request`.
 fn takes_in_silence(model: &Model, request: &Request) -> bool {
     // A read writes nothing: then no register is looked at.
-    request.written().any(|address| model.silent_writes().any(|silent| silent == address))
+    request
+        .written()
+        .any(|address| model.silent_writes().any(|silent| silent == address))
 }
 
 const fn fault_of(ending: &Ending) -> Option<Fault> {

@@ -124,14 +124,21 @@ impl Execution {
             Stage::Resolve(index, _) => index + 1,
             Stage::ReadBack(..) | Stage::Done => self.approved.steps().len(),
         };
-        self.approved.steps().iter().skip(from).flat_map(writes_of).map(|write| write.part)
+        self.approved
+            .steps()
+            .iter()
+            .skip(from)
+            .flat_map(writes_of)
+            .map(|write| write.part)
     }
 
     /// Whether `newer` covers everything in this order, and nothing of this one has been sent: the newer one replaces
     /// it.
     #[must_use]
     pub fn is_replaced_by(&self, newer: &Self) -> bool {
-        let (Order::Go(old), Order::Go(new)) = (self.order(), newer.order()) else { return false };
+        let (Order::Go(old), Order::Go(new)) = (self.order(), newer.order()) else {
+            return false;
+        };
         self.stage == Stage::Step(0)
             && !self.has_begun
             && old.registers().is_empty()
@@ -147,7 +154,10 @@ impl Execution {
             Stage::Step(index) => self.approved.request(index)?,
             Stage::ReadBack(index, shown) | Stage::Resolve(index, shown) => {
                 let condition = self.condition(index, shown)?;
-                Request::Read { address: condition.address, count: condition.words() }
+                Request::Read {
+                    address: condition.address,
+                    count: condition.words(),
+                }
             }
             Stage::Done => return None,
         };
@@ -157,17 +167,25 @@ impl Execution {
     /// The end of the rest or pause, if that is the next step, and whether the drive ignores requests until then.
     #[must_use]
     pub fn rest_at(&self, now: MonoTime) -> Option<(MonoTime, bool)> {
-        let Stage::Step(index) = self.stage else { return None };
+        let Stage::Step(index) = self.stage else {
+            return None;
+        };
         match self.approved.steps().get(index)? {
             Step::Rest(rest) => Some((now + *rest, true)),
             Step::Pause(pause) => Some((now + *pause, false)),
-            Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Write(_) => None,
+            Step::Check { .. }
+            | Step::Require { .. }
+            | Step::Await(_)
+            | Step::Skip(_)
+            | Step::Write(_) => None,
         }
     }
 
     /// Starts a rest or pause that ends at `until`; then the execution continues.
     pub fn rest(&mut self, until: MonoTime) -> Next {
-        let Stage::Step(index) = self.stage else { return Next::Goes(None) };
+        let Stage::Step(index) = self.stage else {
+            return Next::Goes(None);
+        };
         self.ready_at = until;
         if let Repeats::AfterRest(write) = self.repeats {
             self.repeats = Repeats::Done;
@@ -184,7 +202,9 @@ impl Execution {
     /// [`Void`]
     pub fn may_go(&self, now: MonoTime, stops: u64) -> Result<(), Void> {
         match self.stage {
-            Stage::Step(_) if self.has_begun && self.is_held_up(now) && !self.takes_back() => Err(Void::TooLate),
+            Stage::Step(_) if self.has_begun && self.is_held_up(now) && !self.takes_back() => {
+                Err(Void::TooLate)
+            }
             Stage::Step(_) => self.approved.may_go(self.has_begun, now, stops),
             Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done => Ok(()),
         }
@@ -221,8 +241,16 @@ impl Execution {
     /// Whether the next request reads what the drive is.
     #[must_use]
     pub fn reads_identity(&self) -> bool {
-        let Stage::Step(index) = self.stage else { return false };
-        matches!(self.approved.steps().get(index), Some(Step::Require { reason: Reason::OtherDrive, .. }))
+        let Stage::Step(index) = self.stage else {
+            return false;
+        };
+        matches!(
+            self.approved.steps().get(index),
+            Some(Step::Require {
+                reason: Reason::OtherDrive,
+                ..
+            })
+        )
     }
 
     /// The writes in the next request; empty if it is a read.
@@ -258,9 +286,17 @@ impl Execution {
         if !matches!(self.stage, Stage::Step(_)) {
             return self.give_up_reading();
         }
-        let reason = if self.commits() { Reason::NotCommitted } else { reason_of(kind) };
+        let reason = if self.commits() {
+            Reason::NotCommitted
+        } else {
+            reason_of(kind)
+        };
         let failed = Report::new(Outcome::Failed, reason);
-        Next::Ends(Report { exception: Some(code), register: self.required_register(), ..failed })
+        Next::Ends(Report {
+            exception: Some(code),
+            register: self.required_register(),
+            ..failed
+        })
     }
 
     /// The drive did not answer, or its reply was damaged. A write is not repeated: if the model can show its effect,
@@ -271,13 +307,20 @@ impl Execution {
         };
         let part = write.part;
         // Reads may come before the first write.
-        let is_later = self.approved.steps().iter().take(index).any(|step| !writes_of(step).is_empty());
+        let is_later = self
+            .approved
+            .steps()
+            .iter()
+            .take(index)
+            .any(|step| !writes_of(step).is_empty());
         match part {
             StepPart::TakesBack | StepPart::TakesStartBack => self.end_of_reset_unanswered(),
             // No register shows whether it was taken.
             StepPart::Commit => Next::Ends(Report::new(Outcome::Unknown, Reason::NotCommitted)),
             // The run word was not sent, and is not.
-            StepPart::Direction(_) | StepPart::Start => Next::Ends(Report::new(Outcome::Failed, Reason::NoReply)),
+            StepPart::Direction(_) | StepPart::Start => {
+                Next::Ends(Report::new(Outcome::Failed, Reason::NoReply))
+            }
             StepPart::Reset { resets: false, .. } if is_later => self.end_of_reset_unanswered(),
             StepPart::Reset { ends, .. } if is_later => {
                 self.is_in_doubt = true;
@@ -294,26 +337,60 @@ impl Execution {
 
     fn step_answered(&mut self, index: usize, reply: &Reply, now: MonoTime) -> Next {
         match (self.approved.steps().get(index), reply) {
-            (Some(Step::Check { least, most, reason, .. }), Reply::Words(words)) => match words.first() {
+            (
+                Some(Step::Check {
+                    least,
+                    most,
+                    reason,
+                    ..
+                }),
+                Reply::Words(words),
+            ) => match words.first() {
                 Some(word) if (least..=most).contains(&word) => self.go_on_from(index, now),
                 _ => Next::Ends(Report::refused(*reason)),
             },
-            (Some(Step::Require { address, mask, values, reason }), Reply::Words(words)) => match words.first() {
+            (
+                Some(Step::Require {
+                    address,
+                    mask,
+                    values,
+                    reason,
+                }),
+                Reply::Words(words),
+            ) => match words.first() {
                 Some(word) if values.contains(&(word & mask)) => self.go_on_from(index, now),
-                word => {
-                    Next::Ends(Report { held: word.copied(), register: Some(*address), ..Report::refused(*reason) })
-                }
+                word => Next::Ends(Report {
+                    held: word.copied(),
+                    register: Some(*address),
+                    ..Report::refused(*reason)
+                }),
             },
-            (Some(Step::Await(_)), Reply::Words(words)) => self.awaited(index, words.first().copied(), now),
+            (Some(Step::Await(_)), Reply::Words(words)) => {
+                self.awaited(index, words.first().copied(), now)
+            }
             (Some(Step::Skip(skip)), Reply::Words(words)) => {
-                let is_met = words.first().is_some_and(|word| skip.condition.is_met(*word));
+                let is_met = words
+                    .first()
+                    .is_some_and(|word| skip.condition.is_met(*word));
                 self.go_on_from(if is_met { index + skip.count } else { index }, now)
             }
-            (Some(Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_)), _) => self.unanswered(),
-            (Some(Step::Write(writes)), Reply::Holds { value }) if writes.iter().any(|it| it.value != *value) => {
-                let reason = if self.commits() { Reason::NotCommitted } else { Reason::KeptOldValue };
+            (
+                Some(Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_)),
+                _,
+            ) => self.unanswered(),
+            (Some(Step::Write(writes)), Reply::Holds { value })
+                if writes.iter().any(|it| it.value != *value) =>
+            {
+                let reason = if self.commits() {
+                    Reason::NotCommitted
+                } else {
+                    Reason::KeptOldValue
+                };
                 let kept = Report::new(Outcome::Failed, reason);
-                Next::Ends(Report { held: Some(*value), ..kept })
+                Next::Ends(Report {
+                    held: Some(*value),
+                    ..kept
+                })
             }
             (Some(Step::Write(_)), _) => {
                 // A drive that answered after its rest needs no other.
@@ -335,8 +412,11 @@ impl Execution {
         match self.next_shown(0) {
             Some(first) => {
                 self.look_at(Stage::ReadBack(first, 0));
-                let is_acknowledged = !(self.is_in_doubt || self.is_unanswered || self.approved.is_answered_late());
-                Next::Goes(is_acknowledged.then_some(Report::new(Outcome::Acknowledged, Reason::None)))
+                let is_acknowledged =
+                    !(self.is_in_doubt || self.is_unanswered || self.approved.is_answered_late());
+                Next::Goes(
+                    is_acknowledged.then_some(Report::new(Outcome::Acknowledged, Reason::None)),
+                )
             }
             None => self.end(),
         }
@@ -352,21 +432,36 @@ impl Execution {
             return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
         // What comes before another write shows in the effect of that.
-        let comes_before =
-            |part| matches!(part, StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. });
-        let shows =
-            |write: &Write| !write.shown.is_empty() || comes_before(write.part) || write.part == StepPart::Commit;
-        let is_proven = has_read_back && writes.clone().filter(|write| self.approved.is_silent(write)).all(shows);
+        let comes_before = |part| {
+            matches!(
+                part,
+                StepPart::Start | StepPart::Direction(_) | StepPart::Reset { ends: false, .. }
+            )
+        };
+        let shows = |write: &Write| {
+            !write.shown.is_empty() || comes_before(write.part) || write.part == StepPart::Commit
+        };
+        let is_proven = has_read_back
+            && writes
+                .clone()
+                .filter(|write| self.approved.is_silent(write))
+                .all(shows);
         if self.is_unanswered && !is_proven {
             return Next::Ends(Report::new(Outcome::Unknown, Reason::NoReply));
         }
-        let outcome = if has_read_back && writes.all(shows) { Outcome::Confirmed } else { Outcome::Acknowledged };
+        let outcome = if has_read_back && writes.all(shows) {
+            Outcome::Confirmed
+        } else {
+            Outcome::Acknowledged
+        };
         Next::Ends(Report::new(outcome, Reason::None))
     }
 
     /// Whether the next request takes over or stores what was written.
     fn commits(&self) -> bool {
-        self.present_writes().iter().any(|write| write.part == StepPart::Commit)
+        self.present_writes()
+            .iter()
+            .any(|write| write.part == StepPart::Commit)
     }
 
     /// Whether every write so far was answered.
@@ -389,8 +484,11 @@ pub const fn reason_of(kind: Option<ExceptionKind>) -> Reason {
 fn writes_of(step: &Step) -> &[Write] {
     match step {
         Step::Write(writes) => writes,
-        Step::Check { .. } | Step::Require { .. } | Step::Await(_) | Step::Skip(_) | Step::Pause(_) | Step::Rest(_) => {
-            &[]
-        }
+        Step::Check { .. }
+        | Step::Require { .. }
+        | Step::Await(_)
+        | Step::Skip(_)
+        | Step::Pause(_)
+        | Step::Rest(_) => &[],
     }
 }

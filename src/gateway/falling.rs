@@ -27,7 +27,11 @@ impl FallWatch {
             None => self.first = Some(raw),
         }
         self.last = Some(raw);
-        self.zeros = if raw == 0 { self.zeros.saturating_add(1) } else { 0 };
+        self.zeros = if raw == 0 {
+            self.zeros.saturating_add(1)
+        } else {
+            0
+        };
     }
 
     /// Whether it is known to be at zero.
@@ -37,7 +41,10 @@ impl FallWatch {
 
     /// Whether it falls, by at least `least` steps so far, or is at zero. Less may be the noise of a steady speed.
     pub fn is_falling(&self, least: u16) -> bool {
-        let (Some(first), Some(last)) = (self.first, self.last) else { return false };
-        self.is_at_zero() || (last > 0 && first.saturating_sub(last) >= least && self.not_risen >= FALLS)
+        let (Some(first), Some(last)) = (self.first, self.last) else {
+            return false;
+        };
+        self.is_at_zero()
+            || (last > 0 && first.saturating_sub(last) >= least && self.not_risen >= FALLS)
     }
 }

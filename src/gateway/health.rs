@@ -82,7 +82,11 @@ impl Health {
             reopen_wait: REOPEN_FIRST,
             probe_at: MonoTime::ZERO,
             probe_wait: PROBE_FIRST,
-            told: LastReport { suspicion: None, line_is_suspended: false, drives_are_suspended: vec![false; drives] },
+            told: LastReport {
+                suspicion: None,
+                line_is_suspended: false,
+                drives_are_suspended: vec![false; drives],
+            },
         }
     }
 
@@ -103,7 +107,10 @@ impl Health {
 
     pub fn report(&self) -> report::LineQuality {
         let bad_per_cent = self.quality.line().bad_per_cent();
-        report::LineQuality { bad_per_cent, is_suspended: self.quality.is_line_suspended() }
+        report::LineQuality {
+            bad_per_cent,
+            is_suspended: self.quality.is_line_suspended(),
+        }
     }
 
     pub const fn suspicion(&self) -> Option<Suspicion> {
@@ -114,7 +121,11 @@ impl Health {
 impl LineCore {
     /// Whether requests and commands are accepted. A mute line accepts them: its drives are silent one by one.
     pub(super) const fn takes_requests(&self) -> bool {
-        self.is_open && !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
+        self.is_open
+            && !matches!(
+                self.health.trouble,
+                Some(LineFault::Jammed | LineFault::Echo)
+            )
     }
 
     /// Updates the health after received bytes, and after an exchange that is `done`.
@@ -130,7 +141,9 @@ impl LineCore {
                 self.health.probe_at = now;
             }
             if done.counts {
-                self.health.quality.take(done.drive.get(), done.fault.is_some() || misses_echo);
+                self.health
+                    .quality
+                    .take(done.drive.get(), done.fault.is_some() || misses_echo);
             }
             self.health.diagnosis.ended(done.fault, done.reply_bytes);
             self.health.damage.ended(done.fault, done.reply_bytes);
@@ -153,7 +166,10 @@ impl LineCore {
             _ if self.drives.are_silent() => self.wire.last_byte_at() + MUTE_AFTER,
             _ => return None,
         };
-        Some(Wake { at, reason: WakeReason::LineCheck })
+        Some(Wake {
+            at,
+            reason: WakeReason::LineCheck,
+        })
     }
 
     fn check(&mut self, now: MonoTime) {
@@ -161,8 +177,10 @@ impl LineCore {
             return;
         }
         let all_are_silent = || self.drives.are_silent();
-        self.health.is_mute |= now.since(self.wire.last_byte_at()) >= MUTE_AFTER && all_are_silent();
-        let echoes = self.echo_policy == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
+        self.health.is_mute |=
+            now.since(self.wire.last_byte_at()) >= MUTE_AFTER && all_are_silent();
+        let echoes =
+            self.echo_policy == EchoPolicy::Refuse && self.echo.known() == LocalEcho::Found;
         let trouble = if self.is_jammed(now) {
             Some(LineFault::Jammed)
         } else if echoes {
@@ -189,7 +207,10 @@ impl LineCore {
             return self.health.is_jammed() && !is_silent;
         }
         // Shorter traffic began after a silence that was not seen: the process was suspended.
-        let talks = self.wire.talks_since(now).map_or(Duration::ZERO, |since| now.since(since));
+        let talks = self
+            .wire
+            .talks_since(now)
+            .map_or(Duration::ZERO, |since| now.since(since));
         let is_long = talks >= jam_after(&self.timing);
         is_long && (self.health.is_jammed() || self.work_at().is_some_and(|at| at <= now))
     }
@@ -197,10 +218,16 @@ impl LineCore {
     /// The line has become unusable, or usable again. If it is unusable, everything that waits is answered.
     fn set_trouble(&mut self, now: MonoTime, trouble: Option<LineFault>) {
         if self.health.is_jammed() {
-            self.share.iter_mut().for_each(|share| share.rule.jam_ended(now));
+            self.share
+                .iter_mut()
+                .for_each(|share| share.rule.jam_ended(now));
         }
         self.health.trouble = trouble;
-        self.state = if trouble.is_some() { LineState::Down } else { LineState::Up };
+        self.state = if trouble.is_some() {
+            LineState::Down
+        } else {
+            LineState::Up
+        };
         self.fault = trouble.or(self.fault);
         if !self.takes_requests() {
             self.end_waiting(now);
@@ -212,11 +239,15 @@ impl LineCore {
             Some(LineFault::Mute) if self.share.is_some() => {
                 (self.health.reopen_at, self.health.reopen_wait) = (now + REOPEN_MAX, REOPEN_MAX);
             }
-            Some(LineFault::Mute) => (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST),
+            Some(LineFault::Mute) => {
+                (self.health.reopen_at, self.health.reopen_wait) = (now, REOPEN_FIRST)
+            }
             _ => {}
         }
         self.drives.works_mut().for_each(DriveWork::mark_changed);
-        self.effects.push_back(Effect::LineNote(trouble.map_or(LineNote::Up, LineNote::Down)));
+        self.effects.push_back(Effect::LineNote(
+            trouble.map_or(LineNote::Up, LineNote::Down),
+        ));
     }
 
     fn tell_quality(&mut self) {
@@ -225,17 +256,26 @@ impl LineCore {
         if line_is_suspended != told.line_is_suspended {
             told.line_is_suspended = line_is_suspended;
             let bad_per_cent = quality.line().bad_per_cent().unwrap_or(0);
-            let note = if line_is_suspended { LineNote::Suspended { bad_per_cent } } else { LineNote::Resumed };
+            let note = if line_is_suspended {
+                LineNote::Suspended { bad_per_cent }
+            } else {
+                LineNote::Resumed
+            };
             self.effects.push_back(Effect::LineNote(note));
         }
         for (place, told) in (0..).zip(&mut told.drives_are_suspended) {
             let is_suspended = quality.is_suspended(usize::from(place)) && !line_is_suspended;
             if is_suspended != *told {
                 *told = is_suspended;
-                let note = if is_suspended { Note::Suspended } else { Note::Resumed };
+                let note = if is_suspended {
+                    Note::Suspended
+                } else {
+                    Note::Resumed
+                };
                 // A state of the whole line is reported for the line.
                 if !line_is_suspended {
-                    self.effects.push_back(Effect::Note(DriveIndex(place), note));
+                    self.effects
+                        .push_back(Effect::Note(DriveIndex(place), note));
                 }
             }
         }
@@ -249,7 +289,8 @@ impl LineCore {
         };
         if suspicion != self.health.told.suspicion {
             self.health.told.suspicion = suspicion;
-            self.effects.push_back(Effect::LineNote(LineNote::Suspects(suspicion)));
+            self.effects
+                .push_back(Effect::LineNote(LineNote::Suspects(suspicion)));
         }
     }
 }

@@ -52,7 +52,11 @@ impl Measured {
     /// A frame of ours is sent `gap` later than the silence before it requires.
     pub(super) fn sent(&mut self, gap: Duration) {
         self.gaps.add(gap);
-        self.line.shortest_gap = Some(self.line.shortest_gap.map_or(gap, |shortest| shortest.min(gap)));
+        self.line.shortest_gap = Some(
+            self.line
+                .shortest_gap
+                .map_or(gap, |shortest| shortest.min(gap)),
+        );
         if self.gaps_since == 0 {
             self.line.median_gap = self.gaps.all_but(500);
         }
@@ -81,7 +85,10 @@ impl Measured {
 impl DriveMeasured {
     /// Creates empty measurements for a drive whose fast values become at most `planned_age` old.
     pub(super) fn planned(planned_age: Option<Duration>) -> Self {
-        Self { planned_age, ..Self::default() }
+        Self {
+            planned_age,
+            ..Self::default()
+        }
     }
 
     /// The port was opened. Another drive may have replaced the known one, so the first waits are conservative.
@@ -92,7 +99,10 @@ impl DriveMeasured {
     /// A reply began `time` after the end of its request.
     pub(super) fn reply_came(&mut self, class: Class, time: Duration) {
         self.reply_times.add(class, time);
-        let counts = Class::ALL.iter().position(|it| *it == class).and_then(|at| self.reply_counts.get_mut(at));
+        let counts = Class::ALL
+            .iter()
+            .position(|it| *it == class)
+            .and_then(|at| self.reply_counts.get_mut(at));
         counts.into_iter().for_each(|counts| counts.add(time));
     }
 
@@ -121,8 +131,13 @@ impl DriveMeasured {
             p99: times.all_but(10),
             p999: times.all_but(1),
             max: times.longest(),
-            timeout: setup.timeouts.in_force(class, &setup.model.timing, self.reply_times.wait(class)),
-            suggested: is_known.then(|| timeouts::suggested(class, &setup.model.timing, times.all_but(1))),
+            timeout: setup.timeouts.in_force(
+                class,
+                &setup.model.timing,
+                self.reply_times.wait(class),
+            ),
+            suggested: is_known
+                .then(|| timeouts::suggested(class, &setup.model.timing, times.all_but(1))),
         }
     }
 }

@@ -25,7 +25,11 @@ enum Collected {
     /// One frame carries all words.
     AtOnce,
     /// Several frames carry the words: the offset of each, the number of missing frames, and the words.
-    InParts { starts: Vec<u16>, out: usize, words: Vec<u16> },
+    InParts {
+        starts: Vec<u16>,
+        out: usize,
+        words: Vec<u16>,
+    },
 }
 
 /// The pending requests of one line.
@@ -52,8 +56,17 @@ impl Natives {
     /// Adds a request whose frames carry `parts` words each, and returns its number.
     pub fn open(&mut self, request: &NativeRequest, parts: &[u16]) -> u64 {
         self.last += 1;
-        let words = if parts.len() <= 1 { Collected::AtOnce } else { collected(parts) };
-        let native = Native { asker: request.asker, ticket: request.ticket, deadline: request.deadline, words };
+        let words = if parts.len() <= 1 {
+            Collected::AtOnce
+        } else {
+            collected(parts)
+        };
+        let native = Native {
+            asker: request.asker,
+            ticket: request.ticket,
+            deadline: request.deadline,
+            words,
+        };
         self.deadlines.insert((request.deadline, self.last));
         self.waiting.insert(self.last, native);
         self.last
@@ -70,9 +83,14 @@ impl Natives {
         let native = self.waiting.get_mut(&waiter.request)?;
         let all = match &mut native.words {
             Collected::AtOnce => Arc::clone(words),
-            Collected::InParts { starts, out, words: all } => {
+            Collected::InParts {
+                starts,
+                out,
+                words: all,
+            } => {
                 let start = usize::from(*starts.get(usize::from(waiter.part))?);
-                all.get_mut(start..start + words.len())?.copy_from_slice(words);
+                all.get_mut(start..start + words.len())?
+                    .copy_from_slice(words);
                 *out -= 1;
                 if *out > 0 {
                     return None;
@@ -87,13 +105,18 @@ impl Natives {
     pub fn end(&mut self, waiter: WaiterId, outcome: NativeOutcome) -> Option<NativeAnswer> {
         let native = self.waiting.remove(&waiter.request)?;
         self.deadlines.remove(&(native.deadline, waiter.request));
-        Some(NativeAnswer { asker: native.asker, ticket: native.ticket, outcome })
+        Some(NativeAnswer {
+            asker: native.asker,
+            ticket: native.ticket,
+            outcome,
+        })
     }
 
     /// Ends a request whose deadline has passed at `now`, if there is one.
     pub fn expire(&mut self, now: MonoTime) -> Option<NativeAnswer> {
         let (deadline, request) = *self.deadlines.first()?;
-        (deadline <= now).then(|| self.end(WaiterId { request, part: 0 }, NativeOutcome::Expired))?
+        (deadline <= now)
+            .then(|| self.end(WaiterId { request, part: 0 }, NativeOutcome::Expired))?
     }
 
     /// The earliest deadline.
@@ -122,5 +145,9 @@ fn collected(parts: &[u16]) -> Collected {
         starts.push(total);
         total += count;
     }
-    Collected::InParts { starts, out: parts.len(), words: vec![0; usize::from(total)] }
+    Collected::InParts {
+        starts,
+        out: parts.len(),
+        words: vec![0; usize::from(total)],
+    }
 }

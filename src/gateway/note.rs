@@ -114,7 +114,9 @@ pub enum Note {
         held: u16,
     },
     /// The drive has stopped following its order to run.
-    #[error("the drive no longer follows its order to run: it was stopped elsewhere (stopped_elsewhere)")]
+    #[error(
+        "the drive no longer follows its order to run: it was stopped elsewhere (stopped_elsewhere)"
+    )]
     StoppedElsewhere,
     /// The output is not what was ordered.
     #[error(
@@ -133,7 +135,9 @@ pub enum Note {
     #[error("the output is again what was ordered, or the motor stands")]
     OutputRight,
     /// Too many exchanges with the drive fail.
-    #[error("too many exchanges with the drive fail: only stops and lower frequencies are accepted")]
+    #[error(
+        "too many exchanges with the drive fail: only stops and lower frequencies are accepted"
+    )]
     Suspended,
     /// Its exchanges are good again.
     #[error("the exchanges with the drive are good again: run orders are accepted")]
@@ -192,7 +196,9 @@ pub enum LineNote {
     #[error("line up")]
     Up,
     /// Too many exchanges fail.
-    #[error("ALARM: {bad_per_cent} % of the line's exchanges fail: only stops and lower frequencies are accepted")]
+    #[error(
+        "ALARM: {bad_per_cent} % of the line's exchanges fail: only stops and lower frequencies are accepted"
+    )]
     Suspended {
         /// Failed exchanges among the last 100.
         bad_per_cent: u8,
@@ -236,7 +242,9 @@ const fn cost(is_gateway: &bool) -> &'static str {
 
 const fn given_up(change: &Change) -> &'static str {
     match change {
-        Change::Stalled => "nothing was sent for too long, so another gateway may have taken it over",
+        Change::Stalled => {
+            "nothing was sent for too long, so another gateway may have taken it over"
+        }
         Change::Rival => "another master was heard",
         Change::Collided => "it was taken over by another gateway at the same moment",
         Change::Yielded => "it was given up on request",
@@ -248,7 +256,9 @@ const fn given_up(change: &Change) -> &'static str {
 }
 
 fn suspected(suspicion: &Option<Suspicion>) -> String {
-    suspicion.map_or("suspicion cleared".to_owned(), |suspicion| suspicion.to_string())
+    suspicion.map_or("suspicion cleared".to_owned(), |suspicion| {
+        suspicion.to_string()
+    })
 }
 
 const fn likely_cause(is_scale_typed: &bool) -> &'static str {
@@ -268,7 +278,9 @@ const fn came(stage: FailSafeStage) -> &'static str {
         FailSafeStage::Due => "is due",
         FailSafeStage::Sent => "was sent",
         FailSafeStage::Effective => "has taken effect",
-        FailSafeStage::NotNeeded => "was not needed: the drive was found at standstill before it was sent",
+        FailSafeStage::NotNeeded => {
+            "was not needed: the drive was found at standstill before it was sent"
+        }
         FailSafeStage::GivenUp => "was given up",
     }
 }
@@ -276,8 +288,16 @@ const fn came(stage: FailSafeStage) -> &'static str {
 fn last_seen(seen: &Option<LastSeen>) -> String {
     match seen {
         None => "and nothing was seen of it".to_owned(),
-        Some(LastSeen { run_state, output: None, .. }) => format!("last seen {}", run_state.word()),
-        Some(LastSeen { run_state, output: Some(hertz), .. }) => {
+        Some(LastSeen {
+            run_state,
+            output: None,
+            ..
+        }) => format!("last seen {}", run_state.word()),
+        Some(LastSeen {
+            run_state,
+            output: Some(hertz),
+            ..
+        }) => {
             format!("last seen {} at {hertz} Hz", run_state.word())
         }
     }
@@ -289,7 +309,9 @@ const fn watchdog(state: WatchdogState) -> &'static str {
         WatchdogState::Off => {
             "ALARM: the drive's own watchdog is off: without the gateway the motor would keep running"
         }
-        WatchdogState::KeepsRunning => "ALARM: the drive's own watchdog is set to keep the motor running",
+        WatchdogState::KeepsRunning => {
+            "ALARM: the drive's own watchdog is set to keep the motor running"
+        }
         WatchdogState::TooShort => {
             "ALARM: the drive's own watchdog is no longer than twice the longest gap between two frames: it may stop the \
              motor without cause"

@@ -27,7 +27,11 @@ impl Outbox {
     /// Creates the outbox of a line with this many `drives`. It emits journal rows only if there is a journal (`keeps`).
     #[must_use]
     pub fn new(keeps: bool, drives: usize) -> Self {
-        Self { keeps, commands: vec![CommandCounts::default(); drives], ..Self::default() }
+        Self {
+            keeps,
+            commands: vec![CommandCounts::default(); drives],
+            ..Self::default()
+        }
     }
 
     /// The outcomes of attempts to command `drive` or to write to it.
@@ -69,7 +73,12 @@ impl Outbox {
         }
         self.rows += 1;
         let row = RowNumber(self.rows);
-        self.effects.push_back(Effect::Keep(Keep { row, drive, at: self.now, entry }));
+        self.effects.push_back(Effect::Keep(Keep {
+            row,
+            drive,
+            at: self.now,
+            entry,
+        }));
         Some(row)
     }
 
@@ -80,7 +89,13 @@ impl Outbox {
     }
 
     /// Records an accepted order; `waiter` gets its outcome.
-    pub fn attempt_taken(&mut self, drive: DriveIndex, owner: Owner, tried: Tried, waiter: &mut Waiter) {
+    pub fn attempt_taken(
+        &mut self,
+        drive: DriveIndex,
+        owner: Owner,
+        tried: Tried,
+        waiter: &mut Waiter,
+    ) {
         let id = self.attempt(drive, owner, tried, None);
         waiter.set_attempt(OpenAttempt { id, owner });
     }
@@ -89,16 +104,36 @@ impl Outbox {
     /// no client waits for it any more.
     pub fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool) {
         if is_final && let Some(OpenAttempt { id, owner }) = waiter.take_attempt() {
-            self.keep(waiter.drive(), Entry::Ended { attempt: id, report });
+            self.keep(
+                waiter.drive(),
+                Entry::Ended {
+                    attempt: id,
+                    report,
+                },
+            );
             self.count_end(waiter.drive(), owner, report);
         }
         self.effects.extend(waiter.answer(report, is_final));
     }
 
-    fn attempt(&mut self, drive: DriveIndex, owner: Owner, tried: Tried, report: Option<Report>) -> AttemptId {
+    fn attempt(
+        &mut self,
+        drive: DriveIndex,
+        owner: Owner,
+        tried: Tried,
+        report: Option<Report>,
+    ) -> AttemptId {
         self.attempts += 1;
         let id = AttemptId(self.attempts);
-        self.keep(drive, Entry::Attempt(Attempt { id, owner, tried, report }));
+        self.keep(
+            drive,
+            Entry::Attempt(Attempt {
+                id,
+                owner,
+                tried,
+                report,
+            }),
+        );
         id
     }
 

@@ -19,7 +19,9 @@ impl LineCore {
         if let Some(damaged_from) = self.wire.damaged_from() {
             return Some(flight.overdue_at.unwrap_or(damaged_from).max(damaged_from));
         }
-        flight.overdue_at.filter(|_| !self.wire.has_heard_after(flight.request_end))
+        flight
+            .overdue_at
+            .filter(|_| !self.wire.has_heard_after(flight.request_end))
     }
 
     /// Ends the wait for a drive that has always answered sooner, if another drive waits for its stop; and the wait for
@@ -27,8 +29,11 @@ impl LineCore {
     /// time-out.
     pub(super) fn end_overdue_for_a_stop(&mut self, now: MonoTime) {
         let damaged_from = self.wire.damaged_from();
-        let Some(flight) = self.flight.as_mut() else { return };
-        let is_damaged = damaged_from.is_some_and(|at| now >= flight.overdue_at.unwrap_or(at).max(at));
+        let Some(flight) = self.flight.as_mut() else {
+            return;
+        };
+        let is_damaged =
+            damaged_from.is_some_and(|at| now >= flight.overdue_at.unwrap_or(at).max(at));
         let is_late = flight.overdue_at.is_some_and(|at| now >= at);
         if !is_damaged && !is_late {
             return;
@@ -36,12 +41,17 @@ impl LineCore {
         flight.is_overdue = true;
         let drive = flight.drive;
         let request_end = flight.request_end;
-        let waits_for_stop = |other: &DriveOnLine| other.work.has_new_stop() && (is_damaged || other.index != drive);
+        let waits_for_stop =
+            |other: &DriveOnLine| other.work.has_new_stop() && (is_damaged || other.index != drive);
         let may_cut = is_damaged || !self.wire.has_heard_after(request_end);
         if !may_cut || !self.drives.iter().any(waits_for_stop) {
             return;
         }
-        let ended = if is_damaged { self.wire.cut_damaged() } else { self.wire.cut_short() };
+        let ended = if is_damaged {
+            self.wire.cut_damaged()
+        } else {
+            self.wire.cut_short()
+        };
         if let Some((exchange, ending)) = ended {
             self.cut_short = Some(drive);
             self.ended(now, exchange, ending);
@@ -59,18 +69,32 @@ impl LineCore {
         if !flight.doubt {
             let began = self.wire.last_byte_at().before(reply);
             let class = Class::of(&exchange.request, &drive.setup.model);
-            drive.measured.reply_came(class, began.since(flight.request_end));
+            drive
+                .measured
+                .reply_came(class, began.since(flight.request_end));
         }
     }
 
     /// Learns from a frame of `station` that arrived at `now` and answers no request on the wire.
     pub(super) fn learn_late(&mut self, now: MonoTime, station: Station, adu: &[u8]) {
         let timing = &self.timing;
-        let Some(drive) = self.drives.at_station(station) else { return };
-        let Some((_, pdu)) = framing::decode(timing.framing, adu) else { return };
-        let DriveOnLine { station, setup, measured, .. } = &mut self.drives[drive];
+        let Some(drive) = self.drives.at_station(station) else {
+            return;
+        };
+        let Some((_, pdu)) = framing::decode(timing.framing, adu) else {
+            return;
+        };
+        let DriveOnLine {
+            station,
+            setup,
+            measured,
+            ..
+        } = &mut self.drives[drive];
         if let Some((request, sent_at)) = station.answered_late(&pdu, now) {
-            let began = self.wire.last_byte_at().before(setup.time_of(pdu.len(), timing).0);
+            let began = self
+                .wire
+                .last_byte_at()
+                .before(setup.time_of(pdu.len(), timing).0);
             measured.reply_came(Class::of(request, &setup.model), began.since(sent_at));
         }
     }

@@ -23,7 +23,8 @@ impl LineCore {
     /// A listener takes what was `heard`; returns whether it did.
     pub(super) fn overhears(&mut self, now: MonoTime, heard: &Heard) -> bool {
         // The reply to a stop of its own is none.
-        let is_own = self.flight.is_some() && matches!(heard.kind, TrafficKind::Reply | TrafficKind::Echo);
+        let is_own =
+            self.flight.is_some() && matches!(heard.kind, TrafficKind::Reply | TrafficKind::Echo);
         if !self.listens() || is_own {
             return false;
         }
@@ -79,10 +80,17 @@ impl LineCore {
                 share.gap.is_over();
                 share.rule.heard_alone(at);
             }
-            Overheard::Request { station, request, unanswered } => {
+            Overheard::Request {
+                station,
+                request,
+                unanswered,
+            } => {
                 share.another_sends(at);
                 share.gap.asked(at);
-                if station != Station(0) && station != signal::STATION && self.drives.at_station(station).is_none() {
+                if station != Station(0)
+                    && station != signal::STATION
+                    && self.drives.at_station(station).is_none()
+                {
                     share.stranger = Some((station, at));
                     // No gateway asks it, and one that was active gives the line up.
                     share.gap.led(at);
@@ -90,7 +98,11 @@ impl LineCore {
                 self.is_unanswered(now, unanswered);
                 self.overhear_order(at, station, &request);
             }
-            Overheard::Answer { station, request, ending } => {
+            Overheard::Answer {
+                station,
+                request,
+                ending,
+            } => {
                 share.another_sends(at);
                 share.gap.exchange_ended(at);
                 if let Some(index) = self.drives.at_station(station) {
@@ -102,8 +114,16 @@ impl LineCore {
 
     /// Another gateway has asked the drive at `station` in vain.
     fn is_unanswered(&mut self, now: MonoTime, station: Option<Station>) {
-        let Some(index) = station.and_then(|station| self.drives.at_station(station)) else { return };
-        let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) else { return };
+        let Some(index) = station.and_then(|station| self.drives.at_station(station)) else {
+            return;
+        };
+        let Some(count) = self
+            .share
+            .as_mut()
+            .and_then(|share| share.unanswered.get_mut(index.get()))
+        else {
+            return;
+        };
         *count = count.saturating_add(1);
         if *count >= SILENT_AFTER {
             self.drives[index].set_presence(now, Presence::Offline, &mut self.effects);
@@ -119,7 +139,8 @@ impl LineCore {
             Word::Digest(digest) => share.differs = Some(digest != share.digest),
             Word::Order(station, order) => {
                 let told = self.drives.at_station(station);
-                told.into_iter().for_each(|index| self.drives[index].work.order_told(order, at));
+                told.into_iter()
+                    .for_each(|index| self.drives[index].work.order_told(order, at));
             }
         }
     }
@@ -127,29 +148,53 @@ impl LineCore {
     /// Whether this listener knows by which order each drive runs: only then can it take the line without stopping one. Tells
     /// of those for which it does not.
     fn knows_orders(&mut self) -> bool {
-        let unknown: Vec<_> = self.drives.iter().filter(|drive| drive.work.lacks_order()).map(|it| it.index).collect();
+        let unknown: Vec<_> = self
+            .drives
+            .iter()
+            .filter(|drive| drive.work.lacks_order())
+            .map(|it| it.index)
+            .collect();
         for drive in &unknown {
-            self.effects.push_back(Effect::Note(*drive, Note::HandOverRefused));
+            self.effects
+                .push_back(Effect::Note(*drive, Note::HandOverRefused));
         }
         unknown.is_empty()
     }
 
     /// Another gateway is active, and sees to what is declared for the drives.
     pub(super) fn left_to_another(&mut self) {
-        let is_informed =
-            self.share.as_ref().is_some_and(|share| share.rule.knowledge().is_informed(self.effects.now()));
-        self.drives.works_mut().for_each(|work| work.left_to_another(is_informed, &mut self.effects));
+        let is_informed = self
+            .share
+            .as_ref()
+            .is_some_and(|share| share.rule.knowledge().is_informed(self.effects.now()));
+        self.drives
+            .works_mut()
+            .for_each(|work| work.left_to_another(is_informed, &mut self.effects));
     }
 
     /// The drives that the request `frame` stops, and whether it cuts their output off.
     pub(super) fn stops_in(&self, frame: &[u8]) -> Vec<(DriveIndex, bool)> {
-        let Some((station, pdu)) = framing::decode(self.timing.framing, frame) else { return Vec::new() };
-        let Some(request) = Request::decode(&pdu) else { return Vec::new() };
-        let Some((address, values)) = written(&request) else { return Vec::new() };
+        let Some((station, pdu)) = framing::decode(self.timing.framing, frame) else {
+            return Vec::new();
+        };
+        let Some(request) = Request::decode(&pdu) else {
+            return Vec::new();
+        };
+        let Some((address, values)) = written(&request) else {
+            return Vec::new();
+        };
         let is_for_all = self.is_for_all(Station(station));
-        let addressed = self.drives.iter().filter(|drive| is_for_all || drive.setup.station == Station(station));
+        let addressed = self
+            .drives
+            .iter()
+            .filter(|drive| is_for_all || drive.setup.station == Station(station));
         let stopped = addressed.filter_map(|drive| {
-            match decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values) {
+            match decode::order_on(
+                &drive.setup.model,
+                drive.work.guard().bases(),
+                address,
+                values,
+            ) {
                 Ok(Order::Stop { .. }) => Some((drive.index, false)),
                 Ok(Order::Coast) => Some((drive.index, true)),
                 _ => None,
@@ -164,7 +209,9 @@ impl LineCore {
 
     /// Another gateway orders something, perhaps of all drives at once.
     fn overhear_order(&mut self, at: MonoTime, station: Station, request: &Request) {
-        let Some((address, values)) = written(request) else { return };
+        let Some((address, values)) = written(request) else {
+            return;
+        };
         let is_for_all = self.is_for_all(station);
         for drive in self.drives.iter_mut() {
             if !is_for_all && drive.setup.station != station {
@@ -172,25 +219,44 @@ impl LineCore {
             }
             // Memory that is older no longer answers reads.
             drive.order_heard(at);
-            let order = decode::order_on(&drive.setup.model, drive.work.guard().bases(), address, values);
+            let order = decode::order_on(
+                &drive.setup.model,
+                drive.work.guard().bases(),
+                address,
+                values,
+            );
             if let Ok(order) = order {
                 drive.work.heard(&order, at, &mut self.effects);
             }
         }
     }
 
-    fn overhear_answer(&mut self, now: MonoTime, at: MonoTime, index: DriveIndex, request: &Request, ending: &Ending) {
+    fn overhear_answer(
+        &mut self,
+        now: MonoTime,
+        at: MonoTime,
+        index: DriveIndex,
+        request: &Request,
+        ending: &Ending,
+    ) {
         // The copy of a write may be its repetition, and no reply.
         if request.is_repeated_by_its_reply() {
             return;
         }
-        if let Some(count) = self.share.as_mut().and_then(|share| share.unanswered.get_mut(index.get())) {
+        if let Some(count) = self
+            .share
+            .as_mut()
+            .and_then(|share| share.unanswered.get_mut(index.get()))
+        {
             *count = 0;
         }
         let drive = &mut self.drives[index];
         drive.station.is_there();
         drive.set_presence(now, Presence::Online, &mut self.effects);
-        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending) else { return };
+        let (Request::Read { address, .. }, Ending::Reply(Reply::Words(words))) = (request, ending)
+        else {
+            return;
+        };
         drive.work.was_read_by_others(now);
         let is_wanted = drive.work.wants().any(|want| want.request == *request);
         if is_wanted {

@@ -16,7 +16,11 @@ impl LineCore {
         self.on_port_down(now, LineFault::Gone);
         // A mute line stays mute until something is received: an open port proves nothing.
         self.health.trouble = self.health.is_mute.then_some(LineFault::Mute);
-        self.state = if self.health.is_mute { LineState::Down } else { LineState::Up };
+        self.state = if self.health.is_mute {
+            LineState::Down
+        } else {
+            LineState::Up
+        };
         self.is_open = true;
         self.is_parked = false;
         self.open_error = None;
@@ -28,9 +32,13 @@ impl LineCore {
         self.measured.port_opened(now);
         self.health.port_opened();
         if self.counters.port_ups == 1 && self.asked_before {
-            self.drives.iter_mut().for_each(|drive| drive.asked_before(now));
+            self.drives
+                .iter_mut()
+                .for_each(|drive| drive.asked_before(now));
         }
-        self.drives.iter_mut().for_each(|drive| drive.port_opened(now));
+        self.drives
+            .iter_mut()
+            .for_each(|drive| drive.port_opened(now));
     }
 
     /// Answers everything that waits: what was on the wire as unanswered, the rest as not sent.
@@ -53,7 +61,9 @@ impl LineCore {
 
     /// No drive of the line can be seen any more.
     pub(super) fn lose_sight(&mut self) {
-        self.drives.works_mut().for_each(|work| work.lose_sight(&mut self.effects));
+        self.drives
+            .works_mut()
+            .for_each(|work| work.lose_sight(&mut self.effects));
     }
 
     /// What is on the wire is not answered any more: that ends as a time-out does.
@@ -72,7 +82,11 @@ impl LineCore {
     /// When another connection is needed: the server has closed the last one, and a frame is due.
     #[must_use]
     pub fn connects_at(&self) -> Option<MonoTime> {
-        let wake = if self.is_parked { self.frame_wake() } else { None };
+        let wake = if self.is_parked {
+            self.frame_wake()
+        } else {
+            None
+        };
         wake.map(|wake| wake.at)
     }
 
@@ -85,7 +99,9 @@ impl LineCore {
     /// What is on the wire is lost; its reply may still arrive, later.
     pub(super) fn lose_exchange(&mut self, now: MonoTime) {
         let exchange = self.wire.abandon(now);
-        let Some(flight) = self.flight.take() else { return };
+        let Some(flight) = self.flight.take() else {
+            return;
+        };
         if let Some(exchange) = exchange
             && consequence(Fault::PortGone).reply_may_come_late
         {
@@ -94,7 +110,14 @@ impl LineCore {
             let sent_at = flight.request_end;
             let begun = now + drive.full_wait(&exchange.request, &self.timing);
             let until = drive.may_come_until(begun, sent_at, &exchange.request, &self.timing);
-            drive.station.reply_missing(Missing { request: exchange.request, sent_at, until }, now);
+            drive.station.reply_missing(
+                Missing {
+                    request: exchange.request,
+                    sent_at,
+                    until,
+                },
+                now,
+            );
         }
         self.end_all(waiters_of(flight.purpose), &NativeOutcome::NoReply);
     }
@@ -125,6 +148,10 @@ impl LineCore {
 pub(super) fn waiters_of(purpose: Purpose) -> Vec<WaiterId> {
     match purpose {
         Purpose::Read(job) => job.waiters,
-        Purpose::Work(_) | Purpose::Poll | Purpose::Barrier | Purpose::Probe | Purpose::Trial(_) => Vec::new(),
+        Purpose::Work(_)
+        | Purpose::Poll
+        | Purpose::Barrier
+        | Purpose::Probe
+        | Purpose::Trial(_) => Vec::new(),
     }
 }

@@ -19,7 +19,10 @@ impl LineCore {
     /// A drive whose write waits for such a read at `now`.
     pub(super) fn waits_for_probe(&self, now: MonoTime) -> Option<DriveIndex> {
         let waits = |drive: &&DriveOnLine| {
-            drive.work.wants().any(|want| self.needs_probe(&want) && now >= drive.wanted_from(&want))
+            drive
+                .work
+                .wants()
+                .any(|want| self.needs_probe(&want) && now >= drive.wanted_from(&want))
         };
         self.drives.iter().find(waits).map(|drive| drive.index)
     }
@@ -30,17 +33,34 @@ impl LineCore {
             return None;
         }
         self.health.was_probed(now);
-        let answers = self.drives.iter().find(|drive| !drive.station.is_known_silent());
+        let answers = self
+            .drives
+            .iter()
+            .find(|drive| !drive.station.is_known_silent());
         Some(self.probe(now, answers.map_or(DriveIndex(0), |drive| drive.index)))
     }
 
     /// A read for its own sake, if possible one whose reply cannot be mistaken for a late one. Any drive shows whether
     /// our own bytes return, even a silent one.
     pub(super) fn probe(&self, now: MonoTime, drive: DriveIndex) -> Picked {
-        let in_turn = || self.drives.iter().cycle().skip(drive.get()).take(self.drives.len());
-        let reads =
-            || in_turn().flat_map(|drive| drive.plan.iter().map(move |(_, group, _)| (drive, poll_request(group))));
-        let is_clear = |(drive, request): &(&DriveOnLine, Request)| now >= drive.station.unmistakable_at(request);
+        let in_turn = || {
+            self.drives
+                .iter()
+                .cycle()
+                .skip(drive.get())
+                .take(self.drives.len())
+        };
+        let reads = || {
+            in_turn().flat_map(|drive| {
+                drive
+                    .plan
+                    .iter()
+                    .map(move |(_, group, _)| (drive, poll_request(group)))
+            })
+        };
+        let is_clear = |(drive, request): &(&DriveOnLine, Request)| {
+            now >= drive.station.unmistakable_at(request)
+        };
         let (drive, request) = reads()
             .find(is_clear)
             .or_else(|| reads().next())

@@ -12,7 +12,10 @@ impl LineCore {
             state: self.state,
             fault: self.fault,
             open_error: self.open_error.clone(),
-            counters: LineCounters { noise_between: self.health.damage.between(), ..self.counters },
+            counters: LineCounters {
+                noise_between: self.health.damage.between(),
+                ..self.counters
+            },
             stop: self.stop,
             planned_use_per_mille: self.planned_use_per_mille,
             measured: self.measured.line,
@@ -26,6 +29,10 @@ impl LineCore {
     fn waiting(&self) -> LineWaiting {
         let stops = self.drives.works().filter(|work| work.has_stop()).count();
         let commands = self.drives.works().map(DriveWork::commands_open).sum();
-        LineWaiting { requests: self.natives.len(), commands, stops }
+        LineWaiting {
+            requests: self.natives.len(),
+            commands,
+            stops,
+        }
     }
 }

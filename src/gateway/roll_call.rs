@@ -11,8 +11,12 @@ impl LineCore {
     /// Asks whether another gateway listens, if it is time for that. Returns whether nothing else may be sent at `now`: a
     /// stop may, and is more important than the answer.
     pub(super) fn call_roll(&mut self, now: MonoTime) -> bool {
-        let has_stop = self.wanted_at(Rank::RepeatedStop).is_some_and(|at| now >= at);
-        let Some(call) = self.roll_call_mut().filter(|_| !has_stop) else { return false };
+        let has_stop = self
+            .wanted_at(Rank::RepeatedStop)
+            .is_some_and(|at| now >= at);
+        let Some(call) = self.roll_call_mut().filter(|_| !has_stop) else {
+            return false;
+        };
         call.pass(now);
         if call.open_until().is_some() {
             return true;
@@ -20,7 +24,12 @@ impl LineCore {
         let is_due = call.ask_at().is_some_and(|at| now >= at);
         if is_due {
             // A listener answers the question by what it has just been told.
-            let told = self.share.as_mut().map(|share| (std::mem::replace(&mut share.told_digest, true), share.digest));
+            let told = self.share.as_mut().map(|share| {
+                (
+                    std::mem::replace(&mut share.told_digest, true),
+                    share.digest,
+                )
+            });
             match told {
                 Some((false, digest)) => self.send_word(now, Word::Digest(digest)),
                 _ => self.send_signal(now, SignalKind::Question),
@@ -31,17 +40,32 @@ impl LineCore {
 
     /// The question is out.
     pub(super) fn roll_was_called(&mut self, now: MonoTime) {
-        let end = now + self.timing.on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
-        self.share.iter_mut().for_each(|share| share.told_digest = false);
-        self.roll_call_mut().into_iter().for_each(|call| call.asked(end));
+        let end = now
+            + self
+                .timing
+                .on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
+        self.share
+            .iter_mut()
+            .for_each(|share| share.told_digest = false);
+        self.roll_call_mut()
+            .into_iter()
+            .for_each(|call| call.asked(end));
     }
 
     /// Takes the answer of a listener, if the request `frame` of another master is one. Returns whether it is.
     pub(super) fn hears_listener(&mut self, now: MonoTime, frame: &[u8]) -> bool {
-        let signal = self.signal_in(frame).filter(|(it, is_own)| it.kind.is_of_listener() && !is_own);
-        let Some((signal, _)) = signal else { return false };
-        self.share.iter_mut().for_each(|share| share.differs = Some(signal.kind == SignalKind::Differs));
-        self.roll_call_mut().into_iter().for_each(|call| call.answered(now));
+        let signal = self
+            .signal_in(frame)
+            .filter(|(it, is_own)| it.kind.is_of_listener() && !is_own);
+        let Some((signal, _)) = signal else {
+            return false;
+        };
+        self.share
+            .iter_mut()
+            .for_each(|share| share.differs = Some(signal.kind == SignalKind::Differs));
+        self.roll_call_mut()
+            .into_iter()
+            .for_each(|call| call.answered(now));
         true
     }
 
@@ -53,34 +77,57 @@ impl LineCore {
     /// Until when the line is left silent for an answer; a stop ends that.
     pub(super) fn silent_until(&self) -> Option<MonoTime> {
         let until = self.roll_call()?.open_until()?;
-        Some(self.wanted_at(Rank::RepeatedStop).map_or(until, |stop| stop.min(until)))
+        Some(
+            self.wanted_at(Rank::RepeatedStop)
+                .map_or(until, |stop| stop.min(until)),
+        )
     }
 
     fn roll_call(&self) -> Option<&RollCall> {
-        self.share.as_ref().filter(|_| self.may_signal())?.roll_call.as_ref()
+        self.share
+            .as_ref()
+            .filter(|_| self.may_signal())?
+            .roll_call
+            .as_ref()
     }
 
     fn roll_call_mut(&mut self) -> Option<&mut RollCall> {
         let may_signal = self.may_signal();
-        self.share.as_mut().filter(|_| may_signal)?.roll_call.as_mut()
+        self.share
+            .as_mut()
+            .filter(|_| may_signal)?
+            .roll_call
+            .as_mut()
     }
 
     /// Whether a signal would be heard.
     pub(super) const fn may_signal(&self) -> bool {
-        !matches!(self.health.trouble, Some(LineFault::Jammed | LineFault::Echo))
+        !matches!(
+            self.health.trouble,
+            Some(LineFault::Jammed | LineFault::Echo)
+        )
     }
 
     /// Answers a question of the active gateway, if one was heard just before `now`. Returns whether it does.
     pub(super) fn answer_question(&mut self, now: MonoTime) -> bool {
         let listens = self.listens() && self.may_signal();
-        let Some(share) = self.share.as_mut().filter(|share| share.answer.is_some()) else { return false };
+        let Some(share) = self.share.as_mut().filter(|share| share.answer.is_some()) else {
+            return false;
+        };
         if !listens || share.answer.is_some_and(|answer| answer.is_over(now)) {
             share.answer = None;
         }
         let answers = share.answer.is_some_and(|answer| answer.may_be_sent(now));
         if answers {
             let differs = share.differs == Some(true);
-            self.send_signal(now, if differs { SignalKind::Differs } else { SignalKind::Listening });
+            self.send_signal(
+                now,
+                if differs {
+                    SignalKind::Differs
+                } else {
+                    SignalKind::Listening
+                },
+            );
         }
         answers
     }

@@ -54,8 +54,15 @@ impl LineSetup {
     #[must_use]
     pub fn watchdog_range(&self, place: usize) -> WatchdogRange {
         let stations: Vec<_> = self.drives.iter().map(DriveSetup::planned).collect();
-        let commanded = self.drives.iter().filter(|drive| drive.control.is_some()).count();
-        let control = self.drives.get(place).and_then(|drive| drive.control.as_ref());
+        let commanded = self
+            .drives
+            .iter()
+            .filter(|drive| drive.control.is_some())
+            .count();
+        let control = self
+            .drives
+            .get(place)
+            .and_then(|drive| drive.control.as_ref());
         let gap = || budget::longest_gap_on_line(&self.timing, &stations, place, commanded);
         control.map_or(WatchdogRange::ANY, |control| WatchdogRange {
             more_than: gap().unwrap_or_default() * 2,
@@ -103,8 +110,19 @@ pub struct DriveSetup {
 impl DriveSetup {
     /// Its cost on the line.
     fn planned(&self) -> PlannedStation<'_> {
-        let Self { model, poll, timeouts, max_lateness, .. } = self;
-        PlannedStation { model, poll: *poll, timeouts: *timeouts, max_lateness: *max_lateness }
+        let Self {
+            model,
+            poll,
+            timeouts,
+            max_lateness,
+            ..
+        } = self;
+        PlannedStation {
+            model,
+            poll: *poll,
+            timeouts: *timeouts,
+            max_lateness: *max_lateness,
+        }
     }
 
     /// Time on the wire of the reply to `request`, and the part of it that is due to characters longer than ours.

@@ -98,7 +98,11 @@ impl Share {
     /// The request of a signal of this gateway, which is sent next.
     pub fn signal(&mut self, kind: SignalKind) -> Request {
         self.signal = Some(kind);
-        Signal { kind, sender: self.sender }.request()
+        Signal {
+            kind,
+            sender: self.sender,
+        }
+        .request()
     }
 
     /// Whether `signal` is a copy of one of this gateway.
@@ -108,7 +112,13 @@ impl Share {
 
     /// A listener heard at `now` a `signal` that ended at `at`. If the line is handed over, it is taken if it `may_accept` that.
     /// Returns the station that was asked before it and did not answer.
-    pub fn heard_signal(&mut self, now: MonoTime, at: MonoTime, signal: Signal, may_accept: bool) -> Option<Station> {
+    pub fn heard_signal(
+        &mut self,
+        now: MonoTime,
+        at: MonoTime,
+        signal: Signal,
+        may_accept: bool,
+    ) -> Option<Station> {
         // Another listener does not send on its own.
         if self.is_own(signal) || signal.kind.is_of_listener() {
             return None;
@@ -118,12 +128,19 @@ impl Share {
         match signal.kind {
             SignalKind::HandOver => {
                 self.gap.led(at);
-                if may_accept { self.rule.handed_over(at) } else { self.rule.refused(at) }
+                if may_accept {
+                    self.rule.handed_over(at)
+                } else {
+                    self.rule.refused(at)
+                }
             }
             SignalKind::Question if is_attentive => {
                 self.answer = Some(Answer::to_question(now, at, self.rule.times().answer_after));
             }
-            SignalKind::Active | SignalKind::Question | SignalKind::Listening | SignalKind::Differs => {}
+            SignalKind::Active
+            | SignalKind::Question
+            | SignalKind::Listening
+            | SignalKind::Differs => {}
         }
         self.listener.silent()
     }
@@ -153,7 +170,12 @@ fn sender(first_epoch: u64) -> u16 {
 fn digest(setup: &LineSetup) -> u16 {
     let of_drive = |drive: &DriveSetup| {
         let control = drive.control.as_deref().map(of_control).unwrap_or_default();
-        format!("{} {} {} {control}", drive.station.0, drive.model.id, full_scales(&drive.model))
+        format!(
+            "{} {} {} {control}",
+            drive.station.0,
+            drive.model.id,
+            full_scales(&drive.model)
+        )
     };
     let mut drives: Vec<_> = setup.drives.iter().map(of_drive).collect();
     drives.sort();
@@ -161,23 +183,44 @@ fn digest(setup: &LineSetup) -> u16 {
     let hash = drives
         .join("\n")
         .bytes()
-        .fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3));
+        .fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+        });
     u16::try_from((hash ^ (hash >> 16) ^ (hash >> 32) ^ (hash >> 48)) & 0xFFFF).unwrap_or_default()
 }
 
 fn of_control(control: &ControlSettings) -> String {
-    let ControlSettings { least, most, directions, lost_after, on_gateway_lost, .. } = control;
-    let [forward, reverse] = [Direction::Forward, Direction::Reverse].map(|it| u8::from(directions.contains(&it)));
-    let actions = [control.on_commander_lost, control.on_shutdown].map(FailSafe::word).join(" ");
+    let ControlSettings {
+        least,
+        most,
+        directions,
+        lost_after,
+        on_gateway_lost,
+        ..
+    } = control;
+    let [forward, reverse] =
+        [Direction::Forward, Direction::Reverse].map(|it| u8::from(directions.contains(&it)));
+    let actions = [control.on_commander_lost, control.on_shutdown]
+        .map(FailSafe::word)
+        .join(" ");
     let on_gateway_lost = on_gateway_lost.map_or("none", OnGatewayLost::word);
     let (bus, outside) = (control.bus.word(), control.on_output_outside.word());
-    let (least, most, lost_after) = (least.millihertz(), most.millihertz(), lost_after.as_millis());
-    format!("{least} {most} {forward} {reverse} {lost_after} {actions} {on_gateway_lost} {bus} {outside}")
+    let (least, most, lost_after) = (
+        least.millihertz(),
+        most.millihertz(),
+        lost_after.as_millis(),
+    );
+    format!(
+        "{least} {most} {forward} {reverse} {lost_after} {actions} {on_gateway_lost} {bus} {outside}"
+    )
 }
 
 /// The full scales that the configuration states for registers of `model`, in millihertz.
 fn full_scales(model: &Model) -> String {
-    let scales = model.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
+    let scales = model
+        .registers
+        .iter()
+        .filter_map(|register| register.form.full_scale.as_ref());
     let stated = scales.filter_map(|scale| match scale.of {
         Whole::Fixed(hertz) => Some(hertz.millihertz().to_string()),
         Whole::Configured | Whole::Register(_) => None,

@@ -29,30 +29,52 @@ const YIELD_WAIT: Duration = Duration::from_secs(5);
 impl LineCore {
     /// Whether another gateway sends on the line, or may send.
     pub(super) fn listens(&self) -> bool {
-        self.share.as_ref().is_some_and(|share| share.rule.role() == LineRole::Listening)
+        self.share
+            .as_ref()
+            .is_some_and(|share| share.rule.role() == LineRole::Listening)
     }
 
     /// The role of this gateway on the line; `None` if it is alone there.
     pub(super) fn standby_report(&self) -> Option<StandbyReport> {
         let share = self.share.as_ref()?;
-        let Share { take_overs, given_up, rivals, kept, .. } = *share;
+        let Share {
+            take_overs,
+            given_up,
+            rivals,
+            kept,
+            ..
+        } = *share;
         let now = self.effects.now();
         let (role, hears_other) = (share.rule.role(), share.rule.hears_other(now));
         let listener = share.roll_call.and_then(|call| call.listener());
         let hears_noise = self.wire.last_byte_at().since(share.sound_at) >= NOISE_ALONE;
-        let stranger = share.stranger.filter(|(_, at)| now.since(*at) < STRANGER_FOR);
+        let stranger = share
+            .stranger
+            .filter(|(_, at)| now.since(*at) < STRANGER_FOR);
         let trouble = StandbyTrouble {
             is_deaf: share.rule.is_deaf() || (role == LineRole::Listening && hears_noise),
             files_differ: share.differs == Some(true),
             unknown_station: stranger.map(|(station, _)| station),
         };
-        Some(StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept, trouble })
+        Some(StandbyReport {
+            role,
+            take_overs,
+            given_up,
+            rivals,
+            hears_other,
+            listener,
+            kept,
+            trouble,
+        })
     }
 
     /// Whether a frame may be decided on at `now`. On a jammed line nothing but stops is sent, over the babble, where no
     /// other gateway can send either.
     pub(super) fn may_send(&self, now: MonoTime) -> bool {
-        self.share.as_ref().is_none_or(|share| share.rule.may_send(now)) || self.health.is_jammed()
+        self.share
+            .as_ref()
+            .is_none_or(|share| share.rule.may_send(now))
+            || self.health.is_jammed()
     }
 
     /// Asked at `now`, right before the frame of the last [`Effect::Transmit`] is handed to the port: whether it may be. A
@@ -60,11 +82,17 @@ impl LineCore {
     /// exchange then ends as if the drive were silent.
     pub fn may_transmit(&mut self, now: MonoTime) -> bool {
         let may_send = self.may_send(now);
-        let Some(share) = &mut self.share else { return may_send };
+        let Some(share) = &mut self.share else {
+            return may_send;
+        };
         let is_answer = share.signal.is_some_and(SignalKind::is_of_listener);
         // A stop between the frames of another gateway.
         let is_between = share.gap.take_frame(now) && share.rule.role() == LineRole::Listening;
-        let may = if is_answer { share.answer.is_some_and(|answer| answer.may_be_sent(now)) } else { may_send };
+        let may = if is_answer {
+            share.answer.is_some_and(|answer| answer.may_be_sent(now))
+        } else {
+            may_send
+        };
         let may = may || is_between;
         if !may {
             share.signal = None;
@@ -89,7 +117,11 @@ impl LineCore {
             Some(SignalKind::Active) => self.role_was_said(now),
             None => {}
         }
-        if let Some(change) = self.share.as_mut().and_then(|share| share.rule.was_sent(now)) {
+        if let Some(change) = self
+            .share
+            .as_mut()
+            .and_then(|share| share.rule.was_sent(now))
+        {
             self.give_up_line(now, change, None);
         }
     }
@@ -112,10 +144,17 @@ impl LineCore {
 
     /// The operator wants another gateway to take the line over: it is handed over as soon as nothing is under way.
     pub(super) fn on_yield(&mut self, now: MonoTime) {
-        if let Some(share) = self.share.as_mut().filter(|share| share.rule.role() == LineRole::Active) {
+        if let Some(share) = self
+            .share
+            .as_mut()
+            .filter(|share| share.rule.role() == LineRole::Active)
+        {
             share.yields_until = Some(now + YIELD_WAIT);
             share.to_tell = None;
-            share.roll_call.iter_mut().for_each(|call| call.ask_again(now));
+            share
+                .roll_call
+                .iter_mut()
+                .for_each(|call| call.ask_again(now));
         }
     }
 
@@ -123,7 +162,13 @@ impl LineCore {
     /// its way.
     pub(super) fn hand_over(&mut self, now: MonoTime) -> bool {
         let is_busy = self.drives.works().any(DriveWork::has_orders);
-        let Some(share) = self.share.as_mut().filter(|share| share.yields_until.is_some()) else { return false };
+        let Some(share) = self
+            .share
+            .as_mut()
+            .filter(|share| share.yields_until.is_some())
+        else {
+            return false;
+        };
         if share.yields_until.is_some_and(|until| now >= until) {
             share.yields_until = None;
             return false;
@@ -141,8 +186,11 @@ impl LineCore {
         // The other one may have been started after the orders that it takes over.
         let drives = &self.drives;
         let to_tell = share.to_tell.get_or_insert_with(|| {
-            let told = drives.iter().filter_map(|drive| Some((drive.setup.station, drive.work.order_to_tell()?)));
-            told.map(|(station, order)| Word::Order(station, order)).collect()
+            let told = drives
+                .iter()
+                .filter_map(|drive| Some((drive.setup.station, drive.work.order_to_tell()?)));
+            told.map(|(station, order)| Word::Order(station, order))
+                .collect()
         });
         if let Some(word) = to_tell.pop() {
             self.send_word(now, word);
@@ -164,13 +212,19 @@ impl LineCore {
 
     /// When the signal that the line is taken may be sent, if it has to be said. Stops on a jammed line don't wait for it.
     pub(super) fn claims_at(&self) -> Option<MonoTime> {
-        self.share.as_ref().filter(|_| !self.health.is_jammed())?.rule.claims_at()
+        self.share
+            .as_ref()
+            .filter(|_| !self.health.is_jammed())?
+            .rule
+            .claims_at()
     }
 
     /// Says that this gateway is active, if it has not said so for some time: a listener may have missed that, and tells a foreign
     /// master from a gateway by it. Returns whether it does. A stop goes first.
     pub(super) fn say_role(&mut self, now: MonoTime) -> bool {
-        let has_stop = self.wanted_at(Rank::RepeatedStop).is_some_and(|at| now >= at);
+        let has_stop = self
+            .wanted_at(Rank::RepeatedStop)
+            .is_some_and(|at| now >= at);
         let is_due = !has_stop && self.role_said_again_at().is_some_and(|at| now >= at);
         if is_due {
             self.send_signal(now, SignalKind::Active);
@@ -186,7 +240,9 @@ impl LineCore {
     }
 
     fn role_was_said(&mut self, now: MonoTime) {
-        self.share.iter_mut().for_each(|share| share.role_said_at = now);
+        self.share
+            .iter_mut()
+            .for_each(|share| share.role_said_at = now);
     }
 
     /// Nothing else is to be sent: the other gateways hear a signal, if it is time for one.
@@ -197,7 +253,9 @@ impl LineCore {
     }
 
     pub(super) fn send_signal(&mut self, now: MonoTime, kind: SignalKind) {
-        let Some(request) = self.share.as_mut().map(|share| share.signal(kind)) else { return };
+        let Some(request) = self.share.as_mut().map(|share| share.signal(kind)) else {
+            return;
+        };
         self.send_to_gateways(now, &request);
     }
 
@@ -208,7 +266,8 @@ impl LineCore {
 
     fn send_to_gateways(&mut self, now: MonoTime, request: &Request) {
         let mut frame = Vec::with_capacity(16);
-        self.wire.broadcast(now, signal::STATION.0, request, Duration::ZERO, &mut frame);
+        self.wire
+            .broadcast(now, signal::STATION.0, request, Duration::ZERO, &mut frame);
         self.counters.requests += 1;
         self.transmit(now, frame, Why::Probe);
     }
@@ -216,7 +275,8 @@ impl LineCore {
     /// Whether `frame` is a signal of this gateway, which has come back, or a word, which says not whose it is.
     pub(super) fn is_own_signal(&self, frame: &[u8]) -> bool {
         let decoded = framing::decode(self.timing.framing, frame);
-        let is_word = decoded.is_some_and(|(station, pdu)| Word::decode(Station(station), &pdu).is_some());
+        let is_word =
+            decoded.is_some_and(|(station, pdu)| Word::decode(Station(station), &pdu).is_some());
         is_word || self.signal_in(frame).is_some_and(|(_, is_own)| is_own)
     }
 
@@ -232,8 +292,16 @@ impl LineCore {
     pub(super) fn yields_at(&self) -> Option<MonoTime> {
         let share = self.share.as_ref()?;
         let until = share.yields_until?;
-        let is_known = share.roll_call.is_some_and(|call| call.listener().is_some());
-        Some(if is_known && !self.drives.works().any(DriveWork::has_orders) { MonoTime::ZERO } else { until })
+        let is_known = share
+            .roll_call
+            .is_some_and(|call| call.listener().is_some());
+        Some(
+            if is_known && !self.drives.works().any(DriveWork::has_orders) {
+                MonoTime::ZERO
+            } else {
+                until
+            },
+        )
     }
 
     /// The frame that hands the line over is out.
@@ -250,7 +318,10 @@ impl LineCore {
 
     /// Time has passed: the line is taken over, or given up because nothing was sent for too long.
     pub(super) fn pass_share(&mut self, now: MonoTime) {
-        let is_free = self.is_open && !self.wire.is_busy() && now >= self.wire.may_send_from() && self.is_usable(now);
+        let is_free = self.is_open
+            && !self.wire.is_busy()
+            && now >= self.wire.may_send_from()
+            && self.is_usable(now);
         let last_byte_at = self.wire.last_byte_at();
         let is_own = self.flight.is_some();
         let change = self.share.as_mut().and_then(|share| {
@@ -283,16 +354,31 @@ impl LineCore {
         // While a stop of its own is on the wire, a listener takes no line.
         let looks_at = share.rule.looks_at().filter(|_| self.wire.is_busy());
         let at = looks_at.or_else(|| share.rule.due_at())?;
-        let at = if share.rule.role() == LineRole::Active { at } else { at.max(self.wire.may_send_from()) };
-        let at = if self.health.trouble == Some(LineFault::Echo) { at.max(self.health.probe_at) } else { at };
+        let at = if share.rule.role() == LineRole::Active {
+            at
+        } else {
+            at.max(self.wire.may_send_from())
+        };
+        let at = if self.health.trouble == Some(LineFault::Echo) {
+            at.max(self.health.probe_at)
+        } else {
+            at
+        };
         // A jam ends with a silence, which has a wake of its own.
         let is_jammed = self.health.is_jammed() && share.rule.role() == LineRole::Listening;
-        (!is_jammed).then_some(Wake { at, reason: WakeReason::LineCheck })
+        (!is_jammed).then_some(Wake {
+            at,
+            reason: WakeReason::LineCheck,
+        })
     }
 
     /// When a signal is sent for its own sake, so that the other gateways of the line hear this one.
     pub(super) fn sign_of_life_at(&self) -> Option<MonoTime> {
-        self.share.as_ref().filter(|_| self.may_signal())?.rule.signal_at()
+        self.share
+            .as_ref()
+            .filter(|_| self.may_signal())?
+            .rule
+            .signal_at()
     }
 
     /// Whether `copy` of our own frame comes from another gateway: they ask the same drives the same questions, and the
@@ -311,9 +397,15 @@ impl LineCore {
         {
             share.rule.missed();
         }
-        let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else { return };
+        let Some(share) = self.share.as_mut().filter(|share| !share.is_confirmed) else {
+            return;
+        };
         share.is_confirmed = is_answered;
-        let collided = if is_answered { None } else { share.rule.unanswered(now, is_damaged) };
+        let collided = if is_answered {
+            None
+        } else {
+            share.rule.unanswered(now, is_damaged)
+        };
         if let Some(change) = collided {
             self.give_up_line(now, change, None);
         }
@@ -322,7 +414,9 @@ impl LineCore {
     /// Another master asked something while this gateway is active: there are two.
     pub(super) fn hears_rival(&mut self, now: MonoTime, frame: &[u8]) {
         let Some(share) = &mut self.share else { return };
-        let Some(change) = share.rule.heard_request(now) else { return };
+        let Some(change) = share.rule.heard_request(now) else {
+            return;
+        };
         share.rivals += 1;
         share.has_heard_other = true;
         self.give_up_line(now, change, Some(frame));
@@ -343,9 +437,10 @@ impl LineCore {
         }
         self.count_given_up(now);
         let note = match frame {
-            Some(frame) => {
-                LineNote::Rival { frame: HeardFrame::of(frame), is_gateway: self.signal_in(frame).is_some() }
-            }
+            Some(frame) => LineNote::Rival {
+                frame: HeardFrame::of(frame),
+                is_gateway: self.signal_in(frame).is_some(),
+            },
             None => LineNote::GivenUp(change),
         };
         self.effects.push_back(Effect::LineNote(note));
@@ -387,7 +482,11 @@ impl LineCore {
                 drive.asked_before(heard_at);
             }
             let remembered = drive.setup.remembered;
-            if !is_first || !drive.work.remember_on_line(&remembered, now, &mut self.effects) {
+            if !is_first
+                || !drive
+                    .work
+                    .remember_on_line(&remembered, now, &mut self.effects)
+            {
                 drive.work.take_over(now, goes_on, &mut self.effects);
             }
         }

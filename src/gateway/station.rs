@@ -19,7 +19,9 @@ impl LineCore {
     /// The current report of the drive at `drive`; `None` if there is no such drive.
     #[must_use]
     pub fn station(&self, drive: DriveIndex) -> Option<StationReport> {
-        let DriveOnLine { setup, measured, .. } = self.drives.get(drive)?;
+        let DriveOnLine {
+            setup, measured, ..
+        } = self.drives.get(drive)?;
         let place = drive.get();
         Some(StationReport {
             replies: Class::ALL.map(|class| measured.replies(class, setup)),
@@ -29,7 +31,11 @@ impl LineCore {
             damage: self.health.damage.of(place),
             reply_counts: measured.reply_counts,
             commands: self.effects.commands(drive),
-            bad_per_cent: self.health.quality.station(place).and_then(ExchangeQuality::bad_per_cent),
+            bad_per_cent: self
+                .health
+                .quality
+                .station(place)
+                .and_then(ExchangeQuality::bad_per_cent),
             is_suspended: self.health.quality.is_suspended(place),
         })
     }

@@ -105,7 +105,11 @@ impl StopLatch {
     pub fn new(order: StopOrder, waiter: Option<Waiter>, now: MonoTime) -> Self {
         Self {
             order,
-            by_client: if waiter.is_some() { ByClient::Waits } else { ByClient::No },
+            by_client: if waiter.is_some() {
+                ByClient::Waits
+            } else {
+                ByClient::No
+            },
             waiters: waiter.into_iter().collect(),
             awaited_since: now,
             accepted_at: now,
@@ -134,8 +138,16 @@ impl StopLatch {
     /// stop is settled, otherwise it is sent.
     #[must_use]
     pub fn remembered(order: StopOrder, now: MonoTime) -> Self {
-        let away = Self { sent: 1, look_at: now, missed_looks: LOOKS_BEFORE_AWAY, ..Self::new(order, None, now) };
-        Self { is_remembered: true, ..away }
+        let away = Self {
+            sent: 1,
+            look_at: now,
+            missed_looks: LOOKS_BEFORE_AWAY,
+            ..Self::new(order, None, now)
+        };
+        Self {
+            is_remembered: true,
+            ..away
+        }
     }
 
     /// Marks it as declared at `now`, not commanded.
@@ -163,14 +175,35 @@ impl StopLatch {
 
     /// Merges another stop for the same drive. One of the same kind joins this one, which keeps its own rate however many
     /// clients ask for it. One of another kind replaces it and is sent at once. Returns whether it is of another kind.
-    pub fn also(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: &mut Outbox) -> bool {
+    pub fn also(
+        &mut self,
+        order: StopOrder,
+        waiter: Option<Waiter>,
+        now: MonoTime,
+        out: &mut Outbox,
+    ) -> bool {
         self.accepted_at = now;
         let is_other = order != self.order;
         if is_other {
             let waiters = std::mem::take(&mut self.waiters);
-            let Self { awaited_since, was_told_late, was_told_unsent, offline_since, by_client, .. } = *self;
+            let Self {
+                awaited_since,
+                was_told_late,
+                was_told_unsent,
+                offline_since,
+                by_client,
+                ..
+            } = *self;
             let fresh = Self::new(order, None, now);
-            *self = Self { waiters, awaited_since, was_told_late, was_told_unsent, offline_since, by_client, ..fresh };
+            *self = Self {
+                waiters,
+                awaited_since,
+                was_told_late,
+                was_told_unsent,
+                offline_since,
+                by_client,
+                ..fresh
+            };
         }
         if waiter.is_some() && now < self.silent_until {
             // A client stops it now: that takes precedence over waiting for the watchdog.
@@ -187,10 +220,18 @@ impl StopLatch {
     /// Adds a waiting client, if there is room.
     pub fn join(&mut self, mut waiter: Waiter, out: &mut Outbox) {
         if self.waiters.len() >= WAITERS_MAX {
-            return out.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::StopPending), true);
+            return out.tell(
+                &mut waiter,
+                Report::new(Outcome::Unknown, Reason::StopPending),
+                true,
+            );
         }
         if self.is_acknowledged {
-            out.tell(&mut waiter, Report::new(Outcome::Acknowledged, Reason::None), false);
+            out.tell(
+                &mut waiter,
+                Report::new(Outcome::Acknowledged, Reason::None),
+                false,
+            );
         }
         self.by_client = ByClient::Waits;
         if !waiter.is_done() {
@@ -274,7 +315,11 @@ impl StopLatch {
         let doublings = self.sent.min(8);
         self.sent = self.sent.saturating_add(1);
         let repeat = now + (REPEAT_FIRST * (1 << doublings)).min(REPEAT_MAX);
-        self.send_at = if now < hears_from { repeat.min(hears_from) } else { repeat };
+        self.send_at = if now < hears_from {
+            repeat.min(hears_from)
+        } else {
+            repeat
+        };
         self.is_unanswered = false;
         if self.by_client == ByClient::Waits {
             self.by_client = ByClient::Sent;
@@ -377,7 +422,12 @@ impl StopLatch {
     /// The read was not answered.
     pub fn look_failed(&mut self, now: MonoTime) {
         self.missed_looks = self.missed_looks.saturating_add(1);
-        self.look_at = now + if self.is_away() { LOOK_WHEN_AWAY } else { LOOK_EVERY };
+        self.look_at = now
+            + if self.is_away() {
+                LOOK_WHEN_AWAY
+            } else {
+                LOOK_EVERY
+            };
         if self.is_away() {
             self.watch = FallWatch::default();
         }
@@ -406,7 +456,10 @@ mod tests {
             (&[5000, 4980], false),
             (&[5000, 5000, 4990], true),
             (&[5000, 5000, 4991], false),
-            (&[5000, 4999, 4998, 4998, 4997, 5000, 4999, 4996, 4995], false),
+            (
+                &[5000, 4999, 4998, 4998, 4997, 5000, 4999, 4996, 4995],
+                false,
+            ),
             (&[4000, 4500, 4400], false),
             (&[4000, 4500, 4400, 4300], true),
             (&[0], false),

@@ -28,7 +28,10 @@ impl LineCore {
         let before = self.wire.heard().get(self.told_ahead..).unwrap_or_default();
         self.told_ahead += before.len();
         let before: Vec<_> = before.iter().cloned().map(told).collect();
-        before.into_iter().chain([Effect::Traffic(record)]).for_each(|effect| self.effects.push_back(effect));
+        before
+            .into_iter()
+            .chain([Effect::Traffic(record)])
+            .for_each(|effect| self.effects.push_back(effect));
     }
 
     /// Reports what was `heard`, unless it was already reported before a frame of ours.
@@ -57,6 +60,17 @@ impl Purpose {
 }
 
 fn told(heard: Heard) -> Effect {
-    let Heard { kind, bytes, begin, end } = heard;
-    Effect::Traffic(TrafficRecord { kind, why: None, bytes, begin, end })
+    let Heard {
+        kind,
+        bytes,
+        begin,
+        end,
+    } = heard;
+    Effect::Traffic(TrafficRecord {
+        kind,
+        why: None,
+        bytes,
+        begin,
+        end,
+    })
 }

@@ -34,14 +34,30 @@ impl Waiter {
     /// A client that gave a command.
     #[must_use]
     pub const fn of_command(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
-        Self { asker, ticket, drive, is_native: false, is_answered: false, number: None, attempt: None }
+        Self {
+            asker,
+            ticket,
+            drive,
+            is_native: false,
+            is_answered: false,
+            number: None,
+            attempt: None,
+        }
     }
 
     /// A client that wrote to the drive's own registers.
     #[must_use]
     pub const fn of_write(asker: AskerId, ticket: Ticket, drive: DriveIndex) -> Self {
         let is_native = true;
-        Self { asker, ticket, drive, is_native, is_answered: false, number: None, attempt: None }
+        Self {
+            asker,
+            ticket,
+            drive,
+            is_native,
+            is_answered: false,
+            number: None,
+            attempt: None,
+        }
     }
 
     /// No client waits: only the end of the attempt is recorded and counted.
@@ -49,22 +65,45 @@ impl Waiter {
     pub const fn of_nobody(drive: DriveIndex) -> Self {
         let asker = AskerId::LOCAL;
         let ticket = Ticket(0);
-        Self { asker, ticket, drive, is_native: true, is_answered: true, number: None, attempt: None }
+        Self {
+            asker,
+            ticket,
+            drive,
+            is_native: true,
+            is_answered: true,
+            number: None,
+            attempt: None,
+        }
     }
 
     /// The answer with `report`, if this waiter still expects one. A native writer is answered once: at the drive's
     /// acknowledgement, or at the end.
     pub fn answer(&mut self, report: Report, is_final: bool) -> Option<Effect> {
-        let Self { asker, ticket, drive, .. } = *self;
+        let Self {
+            asker,
+            ticket,
+            drive,
+            ..
+        } = *self;
         if !self.is_native {
-            return Some(Effect::Command(CommandAnswer { asker, ticket, drive, report, is_final }));
+            return Some(Effect::Command(CommandAnswer {
+                asker,
+                ticket,
+                drive,
+                report,
+                is_final,
+            }));
         }
         let is_due = is_final || report.outcome == Outcome::Acknowledged;
         if self.is_answered || !is_due {
             return None;
         }
         self.is_answered = true;
-        Some(Effect::Answer(NativeAnswer { asker, ticket, outcome: native_outcome(report) }))
+        Some(Effect::Answer(NativeAnswer {
+            asker,
+            ticket,
+            outcome: native_outcome(report),
+        }))
     }
 
     /// Whether `asker` is the waiting client.
@@ -117,7 +156,10 @@ fn native_outcome(report: Report) -> NativeOutcome {
             reason => Refusal::Guard(reason),
         }),
         Outcome::Failed => match (report.exception, report.held) {
-            (Some(code), _) => NativeOutcome::DriveException { code, reason: report.reason },
+            (Some(code), _) => NativeOutcome::DriveException {
+                code,
+                reason: report.reason,
+            },
             (None, Some(held)) => NativeOutcome::KeptOldValue(held),
             (None, None) => NativeOutcome::NoReply,
         },

@@ -21,7 +21,10 @@ impl DriveOnLine {
         effects: &mut Outbox,
     ) {
         let (address, words) = read;
-        if self.blank.doubts(&self.setup.model, &self.snapshot, read, read_at) {
+        if self
+            .blank
+            .doubts(&self.setup.model, &self.snapshot, read, read_at)
+        {
             for place in address.onwards().take(words.len()) {
                 self.plan.ask_for(place, now + READ_AGAIN_AFTER);
             }
@@ -45,7 +48,10 @@ impl DriveOnLine {
         if let Some(output) = self.work.impossible_output(address, words) {
             self.snapshot.forget([output]);
         }
-        let reading = Reading { at: read_at, is_its_own: !self.station.is_doubtful() };
+        let reading = Reading {
+            at: read_at,
+            is_its_own: !self.station.is_doubtful(),
+        };
         self.work.take_words(address, words, reading, now, effects);
         if reading.is_its_own {
             self.work.take_usage(&self.snapshot, read_at, effects);
@@ -56,11 +62,19 @@ impl DriveOnLine {
     }
 
     /// Whether the drive has shown that it is one of its model. As long as it has not, nothing follows from its words.
-    fn is_believed(&mut self, now: MonoTime, (address, words): (Address, &[u16]), effects: &mut Outbox) -> bool {
+    fn is_believed(
+        &mut self,
+        now: MonoTime,
+        (address, words): (Address, &[u16]),
+        effects: &mut Outbox,
+    ) -> bool {
         match self.plausibility.take(address, words) {
             Some(Verdict::Holds) => self.plan.drive_is_back(now),
             Some(Verdict::Fails(register, held)) => {
-                effects.push_back(Effect::Note(self.index, Note::Implausible { register, held }));
+                effects.push_back(Effect::Note(
+                    self.index,
+                    Note::Implausible { register, held },
+                ));
             }
             None => {}
         }
@@ -87,10 +101,14 @@ impl DriveOnLine {
             let (here, others) = words.split_at(run);
             let count = u16::try_from(run).unwrap_or(u16::MAX);
             for group in self.plan.was_read(address, count, read_at) {
-                let polled = group.address.offset_from(address).map(usize::from).and_then(|first| {
-                    let end = first.checked_add(group.count.into())?;
-                    here.get(first..end)
-                });
+                let polled = group
+                    .address
+                    .offset_from(address)
+                    .map(usize::from)
+                    .and_then(|first| {
+                        let end = first.checked_add(group.count.into())?;
+                        here.get(first..end)
+                    });
                 if let Some(polled) = polled {
                     self.take_words(now, read_at, (group.address, polled), effects);
                 }
@@ -122,7 +140,9 @@ mod tests {
     fn a_run_ends_where_the_drive_counts_on_in_decimal_digits() {
         let catalog = vendors::catalog();
         let at = Address::holding;
-        let run = |model: &str, address, words| run_from(catalog.find(model).unwrap(), at(address), words);
+        let run = |model: &str, address, words| {
+            run_from(catalog.find(model).unwrap(), at(address), words)
+        };
         let (decimal, plain) = ("toshiba-vf-s15", "hyundai-n700");
         assert_eq!(run(plain, 0xFE08, 12), (12, at(0xFE14)));
         assert_eq!(run(decimal, 0xFE08, 12), (2, at(0xFE10)));

@@ -21,13 +21,22 @@ pub(super) struct Adopted {
 impl DriveGuard {
     /// This gateway takes the line over from another at `now`. The drive is ordered to run, in `direction` if that is
     /// known. Returns the declared action; `None` if the drive goes on, as it does where the line was handed over.
-    pub fn gateway_left(&mut self, direction: Option<Direction>, was_handed_over: bool, now: MonoTime) -> Option<Lost> {
+    pub fn gateway_left(
+        &mut self,
+        direction: Option<Direction>,
+        was_handed_over: bool,
+        now: MonoTime,
+    ) -> Option<Lost> {
         let control = self.control.clone()?;
         self.lease = None;
         self.inhibit(now);
         self.turned = direction.or(self.turned);
         let declared = control.on_gateway_lost.unwrap_or(OnGatewayLost::Stop);
-        let action = match if was_handed_over { OnGatewayLost::Adopt } else { declared } {
+        let action = match if was_handed_over {
+            OnGatewayLost::Adopt
+        } else {
+            declared
+        } {
             OnGatewayLost::Stop => FailSafe::Stop,
             OnGatewayLost::Coast => FailSafe::Coast,
             OnGatewayLost::Hold => FailSafe::Hold,
@@ -54,7 +63,11 @@ impl DriveGuard {
     pub fn repeat_stop(&mut self, coast: bool, now: MonoTime) -> Option<Lost> {
         self.control.as_ref()?;
         self.lease = None;
-        let action = if coast { FailSafe::Coast } else { FailSafe::Stop };
+        let action = if coast {
+            FailSafe::Coast
+        } else {
+            FailSafe::Stop
+        };
         Some(self.lost(None, action, Cause::GatewayLost, now))
     }
 
@@ -64,19 +77,29 @@ impl DriveGuard {
     }
 
     /// The order is left standing. Where its direction is not known, it cannot be: a client could not repeat it.
-    fn adopt(&mut self, direction: Option<Direction>, control: &ControlSettings, now: MonoTime) -> Option<Lost> {
+    fn adopt(
+        &mut self,
+        direction: Option<Direction>,
+        control: &ControlSettings,
+        now: MonoTime,
+    ) -> Option<Lost> {
         let Some(direction) = direction else {
             return Some(self.falls_due(None, control.on_commander_lost, Cause::GatewayLost, now));
         };
         self.runs_already(direction);
-        self.adopted = Some(Adopted { direction, until: now + control.lost_after });
+        self.adopted = Some(Adopted {
+            direction,
+            until: now + control.lost_after,
+        });
         None
     }
 
     /// The client of `origin` gives an order: if it repeats the adopted one in its cycle, or renews its lease, control is
     /// its own. A single message to run is reviewed like any other: it may be older than the loss.
     pub(super) fn take_up(&mut self, origin: Origin, order: &Order, now: MonoTime) {
-        let Some(adopted) = self.adopted.filter(|_| self.is_adopted()) else { return };
+        let Some(adopted) = self.adopted.filter(|_| self.is_adopted()) else {
+            return;
+        };
         let is_his = match order {
             Order::Go(_) if origin.manner == Manner::Once => false,
             Order::Go(go) => match go.run() {
@@ -84,9 +107,12 @@ impl DriveGuard {
                 None => go.frequency().is_some(),
             },
             Order::Renew | Order::Take => true,
-            Order::Stop { .. } | Order::Coast | Order::Reset | Order::EndReset | Order::Release | Order::Setup(_) => {
-                false
-            }
+            Order::Stop { .. }
+            | Order::Coast
+            | Order::Reset
+            | Order::EndReset
+            | Order::Release
+            | Order::Setup(_) => false,
         };
         if is_his {
             self.taken_up_by(origin.owner, now);
@@ -97,9 +123,13 @@ impl DriveGuard {
     /// given it.
     pub(super) fn take_up_by_path(&mut self, way: Owner, now: MonoTime) {
         let Some(control) = &self.control else { return };
-        let by_broker_alone =
-            control.from_mqtt && !(control.from_modbus_tcp || control.from_page || control.from_sparkplug);
-        if self.is_adopted() && way == Owner::Mqtt && by_broker_alone && control.lease == LeaseMode::Session {
+        let by_broker_alone = control.from_mqtt
+            && !(control.from_modbus_tcp || control.from_page || control.from_sparkplug);
+        if self.is_adopted()
+            && way == Owner::Mqtt
+            && by_broker_alone
+            && control.lease == LeaseMode::Session
+        {
             self.taken_up_by(way, now);
         }
     }
@@ -158,12 +188,18 @@ mod tests {
     use std::time::Duration;
 
     fn lost(action: OnGatewayLost) -> DriveGuard {
-        let settings = ControlSettings { on_gateway_lost: Some(action), ..control() };
+        let settings = ControlSettings {
+            on_gateway_lost: Some(action),
+            ..control()
+        };
         guard_of(model(), settings)
     }
 
     fn soon(request: CommandRequest) -> CommandRequest {
-        CommandRequest { start_before: NOW + Duration::from_secs(60), ..request }
+        CommandRequest {
+            start_before: NOW + Duration::from_secs(60),
+            ..request
+        }
     }
 
     #[test]
@@ -174,41 +210,76 @@ mod tests {
             (OnGatewayLost::Hold, FailSafe::Hold, false),
         ] {
             let mut guard = lost(declared);
-            let found = guard.gateway_left(Some(Direction::Forward), false, NOW).unwrap();
-            assert_eq!((found.action, found.order.is_some(), found.cause), (action, stops, Cause::GatewayLost));
-            assert!(guard.is_start_inhibited() && guard.fail_safe().is_some() && guard.lease().is_none());
+            let found = guard
+                .gateway_left(Some(Direction::Forward), false, NOW)
+                .unwrap();
+            assert_eq!(
+                (found.action, found.order.is_some(), found.cause),
+                (action, stops, Cause::GatewayLost)
+            );
+            assert!(
+                guard.is_start_inhibited()
+                    && guard.fail_safe().is_some()
+                    && guard.lease().is_none()
+            );
         }
     }
 
     #[test]
     fn an_adopted_order_waits_for_its_client_and_ends_like_a_lost_lease() {
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
-        assert_eq!((guard.intent(), guard.is_adopted()), (RunIntent::Run(Direction::Forward), true));
+        assert_eq!(
+            guard.gateway_left(Some(Direction::Forward), false, NOW),
+            None
+        );
+        assert_eq!(
+            (guard.intent(), guard.is_adopted()),
+            (RunIntent::Run(Direction::Forward), true)
+        );
         let until = guard.next_wake().unwrap();
         assert_eq!(until, NOW + control().lost_after);
-        assert_eq!(guard.expire(until.before(Duration::from_nanos(1)), false), None);
+        assert_eq!(
+            guard.expire(until.before(Duration::from_nanos(1)), false),
+            None
+        );
         let ended = guard.expire(until, false).unwrap();
-        assert_eq!((ended.action, ended.cause), (control().on_commander_lost, Cause::GatewayLost));
+        assert_eq!(
+            (ended.action, ended.cause),
+            (control().on_commander_lost, Cause::GatewayLost)
+        );
         assert!(!guard.is_adopted() && guard.is_start_inhibited());
         assert_eq!(guard.expire(until, false), None, "once");
     }
 
     #[test]
     fn the_client_that_repeats_the_order_controls_the_drive() {
-        let facts = Facts { at_standstill: false, rests: false, ..RESTING };
+        let facts = Facts {
+            at_standstill: false,
+            rests: false,
+            ..RESTING
+        };
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
-        for (origin, direction, reason) in
-            [(plc(1), Direction::Reverse, Reason::StartInhibited), (mqtt(), Direction::Forward, Reason::RestartDelay)]
-        {
+        assert_eq!(
+            guard.gateway_left(Some(Direction::Forward), false, NOW),
+            None
+        );
+        for (origin, direction, reason) in [
+            (plc(1), Direction::Reverse, Reason::StartInhibited),
+            (mqtt(), Direction::Forward, Reason::RestartDelay),
+        ] {
             let found = guard.review(&soon(command(origin, run(direction))), &facts, NOW);
             assert_eq!(found.unwrap_err().reason, reason);
-            assert!(guard.is_adopted(), "another order, or one that may be older");
+            assert!(
+                guard.is_adopted(),
+                "another order, or one that may be older"
+            );
         }
         let same = guard.review(&soon(command(plc(1), run(Direction::Forward))), &facts, NOW);
         assert!(same.is_ok(), "{same:?}");
-        assert_eq!((guard.lease().map(|(owner, _)| owner), guard.is_adopted()), (Some(plc(1).owner), false));
+        assert_eq!(
+            (guard.lease().map(|(owner, _)| owner), guard.is_adopted()),
+            (Some(plc(1).owner), false)
+        );
         let other = guard.review(&soon(command(plc(2), run(Direction::Forward))), &facts, NOW);
         assert_eq!(other.unwrap_err().reason, Reason::OtherOwner);
     }
@@ -217,18 +288,31 @@ mod tests {
     fn a_drive_that_was_out_of_sight_is_stopped_in_time_and_not_started_by_its_client() {
         for at_rest in [false, true] {
             let mut guard = lost(OnGatewayLost::Adopt);
-            assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+            assert_eq!(
+                guard.gateway_left(Some(Direction::Forward), false, NOW),
+                None
+            );
             let until = guard.next_wake().unwrap();
             guard.lost_touch(NOW);
-            let facts = Facts { at_standstill: false, rests: false, ..RESTING };
+            let facts = Facts {
+                at_standstill: false,
+                rests: false,
+                ..RESTING
+            };
             let found = guard.review(&soon(command(plc(1), run(Direction::Forward))), &facts, NOW);
             assert_eq!(found.unwrap_err().reason, Reason::StartInhibited);
             let ended = guard.expire(until, at_rest);
-            assert_eq!(ended.map(|lost| lost.cause), (!at_rest).then_some(Cause::GatewayLost));
+            assert_eq!(
+                ended.map(|lost| lost.cause),
+                (!at_rest).then_some(Cause::GatewayLost)
+            );
             assert_eq!(guard.next_wake(), None);
         }
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+        assert_eq!(
+            guard.gateway_left(Some(Direction::Forward), false, NOW),
+            None
+        );
         guard.give_up();
         assert_eq!(guard.next_wake(), None, "another gateway controls it");
     }
@@ -236,8 +320,14 @@ mod tests {
     #[test]
     fn a_stop_ends_the_adoption() {
         let mut guard = lost(OnGatewayLost::Adopt);
-        assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
-        assert!(matches!(guard.review(&command(mqtt(), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
+        assert_eq!(
+            guard.gateway_left(Some(Direction::Forward), false, NOW),
+            None
+        );
+        assert!(matches!(
+            guard.review(&command(mqtt(), STOP), &RESTING, NOW),
+            Ok(Verdict::Stop(_))
+        ));
         assert!(!guard.is_adopted() && guard.next_wake().is_none());
     }
 
@@ -261,7 +351,10 @@ mod tests {
                 ..control()
             };
             let mut guard = guard_of(model(), settings);
-            assert_eq!(guard.gateway_left(Some(Direction::Forward), false, NOW), None);
+            assert_eq!(
+                guard.gateway_left(Some(Direction::Forward), false, NOW),
+                None
+            );
             guard.path_alive(Owner::Mqtt, NOW);
             assert_eq!(guard.lease().is_some(), taken_up);
         }

@@ -100,14 +100,24 @@ impl Approved {
                 [Write { address, value, .. }] => Some(self.functions.request(*address, *value)),
                 [first, ..] => {
                     let values = writes.iter().map(|write| write.value).collect();
-                    Some(Request::WriteMultiple { address: first.address, values })
+                    Some(Request::WriteMultiple {
+                        address: first.address,
+                        values,
+                    })
                 }
             },
-            Step::Check { address, .. } | Step::Require { address, .. } => {
-                Some(Request::Read { address: *address, count: 1 })
-            }
-            Step::Skip(skip) => Some(Request::Read { address: skip.condition.address, count: 1 }),
-            Step::Await(wait) => Some(Request::Read { address: wait.condition.address, count: 1 }),
+            Step::Check { address, .. } | Step::Require { address, .. } => Some(Request::Read {
+                address: *address,
+                count: 1,
+            }),
+            Step::Skip(skip) => Some(Request::Read {
+                address: skip.condition.address,
+                count: 1,
+            }),
+            Step::Await(wait) => Some(Request::Read {
+                address: wait.condition.address,
+                count: 1,
+            }),
             Step::Rest(_) | Step::Pause(_) => None,
         }
     }
@@ -129,7 +139,11 @@ impl StopOrder {
         let (address, value) = steps::of_stop(model, coast, after).ok()?;
         let in_block = steps::takes_in_a_block(model, address);
         let forms = WriteFunctions::of(model).forms(address, value, in_block);
-        Some(Self { value, coast, forms })
+        Some(Self {
+            value,
+            coast,
+            forms,
+        })
     }
 
     /// Its request, in the first form.

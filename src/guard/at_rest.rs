@@ -4,7 +4,9 @@ use super::approved::Approved;
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
 use crate::domain::address::Address;
-use crate::domain::command::{CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{
+    CommandRequest, Manner, Order, Outcome, Owner, Reason, Report, RunIntent,
+};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::time::MonoTime;
 use crate::drive::steps;
@@ -59,7 +61,9 @@ impl DriveGuard {
     /// Clears the word of an interrupted reset: that completes the old order and is not a new one. `None` if the drive may
     /// no longer be commanded.
     pub fn take_reset_back(&self) -> Option<Approved> {
-        self.control.as_ref().filter(|_| !self.is_ending && !self.is_leaving)?;
+        self.control
+            .as_ref()
+            .filter(|_| !self.is_ending && !self.is_leaving)?;
         let steps = steps::of_take_back(&self.model).ok()?;
         Some(Approved {
             order: Order::Reset,
@@ -76,7 +80,9 @@ impl DriveGuard {
     /// Takes back a start that the drive did not follow, and inhibits the next one until a client orders it again. `None` if
     /// the drive may no longer be commanded.
     pub fn take_start_back(&mut self, now: MonoTime) -> Option<Approved> {
-        self.control.as_ref().filter(|_| !self.is_ending && !self.is_leaving)?;
+        self.control
+            .as_ref()
+            .filter(|_| !self.is_ending && !self.is_leaving)?;
         let steps = steps::of_start_taken_back(&self.model).ok()?;
         self.inhibit(now);
         Some(Approved {
@@ -143,7 +149,11 @@ impl DriveGuard {
         let commit = self.last_commit(&control, now)?;
         let mut steps = steps::of_setup(&self.model, addresses).map_err(no_steps)?;
         self.commit_after(&mut steps, commit.as_ref(), now);
-        Ok(Verdict::Go(self.approve(command, Order::Setup(addresses.to_vec()), steps)))
+        Ok(Verdict::Go(self.approve(
+            command,
+            Order::Setup(addresses.to_vec()),
+            steps,
+        )))
     }
 
     /// The source of commands is changed only at standstill and with nothing ordered.

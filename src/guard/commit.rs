@@ -20,8 +20,18 @@ impl DriveGuard {
         facts: &Facts,
         now: MonoTime,
     ) -> Result<Option<CommitWord>, Report> {
-        let effect = if control.stores_native_writes { CommitEffect::Store } else { CommitEffect::Apply };
-        let Some(word) = self.model.commit(effect).filter(|_| !go.registers().is_empty()) else { return Ok(None) };
+        let effect = if control.stores_native_writes {
+            CommitEffect::Store
+        } else {
+            CommitEffect::Apply
+        };
+        let Some(word) = self
+            .model
+            .commit(effect)
+            .filter(|_| !go.registers().is_empty())
+        else {
+            return Ok(None);
+        };
         // The drive may be deaf afterwards, and an order to move must not wait for that.
         if go.run().is_some() || go.frequency().is_some() {
             return Err(refused(Reason::Conflict));
@@ -35,8 +45,14 @@ impl DriveGuard {
     }
 
     /// The word that follows what a person at the host sets, at standstill.
-    pub(super) fn last_commit(&self, control: &ControlSettings, now: MonoTime) -> Result<Option<CommitWord>, Report> {
-        let Some(word) = self.model.last_commit() else { return Ok(None) };
+    pub(super) fn last_commit(
+        &self,
+        control: &ControlSettings,
+        now: MonoTime,
+    ) -> Result<Option<CommitWord>, Report> {
+        let Some(word) = self.model.last_commit() else {
+            return Ok(None);
+        };
         self.may_wear(word, control, now)?;
         Ok(Some(word.clone()))
     }
@@ -60,19 +76,39 @@ impl DriveGuard {
         self.may_change_at_rest(command, facts, now)?;
         let mut steps = Vec::new();
         self.commit_after(&mut steps, Some(word), now);
-        Ok(Verdict::Go(self.approve(command, command.order.clone(), steps)))
+        Ok(Verdict::Go(self.approve(
+            command,
+            command.order.clone(),
+            steps,
+        )))
     }
 
     /// Adds `word` behind `steps`, and remembers that it wears out the drive's memory if it does.
-    pub(super) fn commit_after(&mut self, steps: &mut Vec<Step>, word: Option<&CommitWord>, now: MonoTime) {
+    pub(super) fn commit_after(
+        &mut self,
+        steps: &mut Vec<Step>,
+        word: Option<&CommitWord>,
+        now: MonoTime,
+    ) {
         if let Some(word) = word {
             steps.push(steps::of_commit(word));
             self.interlocks.stored(word, now);
         }
     }
 
-    fn may_wear(&self, word: &CommitWord, control: &ControlSettings, now: MonoTime) -> Result<(), Report> {
-        let is_worn = self.interlocks.was_written_within(control.stored_write_interval, word.address, now);
-        if is_worn { Err(refused(Reason::WrittenTooOften)) } else { Ok(()) }
+    fn may_wear(
+        &self,
+        word: &CommitWord,
+        control: &ControlSettings,
+        now: MonoTime,
+    ) -> Result<(), Report> {
+        let is_worn =
+            self.interlocks
+                .was_written_within(control.stored_write_interval, word.address, now);
+        if is_worn {
+            Err(refused(Reason::WrittenTooOften))
+        } else {
+            Ok(())
+        }
     }
 }

@@ -40,6 +40,10 @@ impl DriveGuard {
         let command = self.model.register_for(Role::FrequencyCommand);
         let mut registers = command.into_iter().chain(self.model.setting_register());
         let all = registers.all(|register| self.bases.are_sure(register, now));
-        if all { Ok(()) } else { Err(refused(Reason::FullScaleUnknown)) }
+        if all {
+            Ok(())
+        } else {
+            Err(refused(Reason::FullScaleUnknown))
+        }
     }
 }

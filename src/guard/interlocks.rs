@@ -27,7 +27,9 @@ impl Interlocks {
 
     /// `writes` were approved: remembers those to stored registers.
     pub fn approved(&mut self, model: &Model, writes: &[RegisterWrite], now: MonoTime) {
-        for RegisterWrite { address, .. } in writes.iter().filter(|write| model.is_stored(write.address)) {
+        for RegisterWrite { address, .. } in
+            writes.iter().filter(|write| model.is_stored(write.address))
+        {
             self.remember(*address, now);
         }
     }
@@ -40,7 +42,11 @@ impl Interlocks {
     }
 
     pub fn remember(&mut self, address: Address, now: MonoTime) {
-        match self.written.iter_mut().find(|(written, _)| *written == address) {
+        match self
+            .written
+            .iter_mut()
+            .find(|(written, _)| *written == address)
+        {
             Some((_, at)) => *at = now,
             None => self.written.push((address, now)),
         }
@@ -48,6 +54,8 @@ impl Interlocks {
 
     /// Whether the stored register at `address` was written within `interval`.
     pub fn was_written_within(&self, interval: Duration, address: Address, now: MonoTime) -> bool {
-        self.written.iter().any(|(written, at)| *written == address && now.since(*at) < interval)
+        self.written
+            .iter()
+            .any(|(written, at)| *written == address && now.since(*at) < interval)
     }
 }

@@ -16,13 +16,19 @@ impl DriveGuard {
 
     /// A stop frame was on the wire, which is what is declared, if that is due. Returns what has come further.
     pub fn stop_was_sent(&mut self) -> Option<FailSafeRun> {
-        self.failsafe.as_mut().and_then(|run| run.was_sent().then_some(*run))
+        self.failsafe
+            .as_mut()
+            .and_then(|run| run.was_sent().then_some(*run))
     }
 
     /// A stop is over: it was effective, or is not sent any more. Returns what has come further.
     pub fn stop_is_over(&mut self, is_effective: bool) -> Option<FailSafeRun> {
         let run = self.failsafe.as_mut()?;
-        let is_further = if is_effective { run.was_effective() } else { run.was_given_up() };
+        let is_further = if is_effective {
+            run.was_effective()
+        } else {
+            run.was_given_up()
+        };
         is_further.then_some(*run)
     }
 
@@ -36,9 +42,15 @@ impl DriveGuard {
     /// Ends the lease if it has expired at `now`, and returns the declared action; `None` if no action is needed, because
     /// the drive is ordered to stop and is `at_rest`.
     pub fn expire(&mut self, now: MonoTime, at_rest: bool) -> Option<Lost> {
-        let Some(lease) = self.lease.filter(|it| it.until <= now) else { return self.expire_adopted(now, at_rest) };
+        let Some(lease) = self.lease.filter(|it| it.until <= now) else {
+            return self.expire_adopted(now, at_rest);
+        };
         self.lease = None;
-        let ControlSettings { on_commander_lost: action, lost_after, .. } = **self.control.as_ref()?;
+        let ControlSettings {
+            on_commander_lost: action,
+            lost_after,
+            ..
+        } = **self.control.as_ref()?;
         let was_ordered = matches!(self.intent, RunIntent::Run(_));
         self.inhibit(now);
         if at_rest && !was_ordered {
@@ -65,18 +77,36 @@ impl DriveGuard {
     }
 
     /// Ends the order in force by a declared `action`, and inhibits the start.
-    pub fn ends(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
+    pub fn ends(
+        &mut self,
+        owner: Option<Owner>,
+        action: FailSafe,
+        cause: Cause,
+        now: MonoTime,
+    ) -> Lost {
         self.inhibit(now);
         self.falls_due(owner, action, cause, now)
     }
 
     /// The declared `action` falls due at `now`, because of a loss.
-    pub(super) fn falls_due(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
+    pub(super) fn falls_due(
+        &mut self,
+        owner: Option<Owner>,
+        action: FailSafe,
+        cause: Cause,
+        now: MonoTime,
+    ) -> Lost {
         self.failsafe = Some(FailSafeRun::due(action, cause, now));
         self.lost(owner, action, cause, now)
     }
 
-    pub(super) fn lost(&mut self, owner: Option<Owner>, action: FailSafe, cause: Cause, now: MonoTime) -> Lost {
+    pub(super) fn lost(
+        &mut self,
+        owner: Option<Owner>,
+        action: FailSafe,
+        cause: Cause,
+        now: MonoTime,
+    ) -> Lost {
         let order = match action {
             FailSafe::Hold => None,
             FailSafe::Stop | FailSafe::Coast => self.stop_order(action == FailSafe::Coast),
@@ -84,6 +114,11 @@ impl DriveGuard {
         if let Some(order) = &order {
             self.accept_stop(None, order.is_coast(), now);
         }
-        Lost { owner, action, cause, order }
+        Lost {
+            owner,
+            action,
+            cause,
+            order,
+        }
     }
 }

@@ -42,26 +42,51 @@ impl DriveGuard {
     /// Restores control held when the gateway exited. No other client gets it before the drive is seen.
     pub fn remember_lease(&mut self, lease: RememberedLease) {
         if self.control.is_some() {
-            let orphan = Some(Orphan::Unseen { was_orphaned: lease.was_orphaned });
-            self.lease = Some(Lease { owner: lease.owner, until: MonoTime::NEVER, orphan, refused_at: None });
+            let orphan = Some(Orphan::Unseen {
+                was_orphaned: lease.was_orphaned,
+            });
+            self.lease = Some(Lease {
+                owner: lease.owner,
+                until: MonoTime::NEVER,
+                orphan,
+                refused_at: None,
+            });
         }
     }
 
     /// The same on a line where another gateway may be active: it says so within `signals_within`, and the lease ends then.
     /// Where none is, it lasts until the owner was awaited for its time.
-    pub fn remember_lease_listening(&mut self, lease: RememberedLease, now: MonoTime, signals_within: Duration) {
+    pub fn remember_lease_listening(
+        &mut self,
+        lease: RememberedLease,
+        now: MonoTime,
+        signals_within: Duration,
+    ) {
         if let Some(control) = &self.control {
-            let orphan = Some(Orphan::Listening { was_orphaned: lease.was_orphaned });
+            let orphan = Some(Orphan::Listening {
+                was_orphaned: lease.was_orphaned,
+            });
             let until = now + control.lost_after.max(signals_within);
-            self.lease = Some(Lease { owner: lease.owner, until, orphan, refused_at: None });
+            self.lease = Some(Lease {
+                owner: lease.owner,
+                until,
+                orphan,
+                refused_at: None,
+            });
         }
     }
 
     /// No other gateway was active since the start: the time of the owner counts from there.
     pub fn awaited_since_start(&mut self) {
-        let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
+        let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else {
+            return;
+        };
         if let Some(Orphan::Listening { was_orphaned }) = lease.orphan {
-            lease.until = if was_orphaned { MonoTime::NEVER } else { self.found_at + control.lost_after };
+            lease.until = if was_orphaned {
+                MonoTime::NEVER
+            } else {
+                self.found_at + control.lost_after
+            };
             lease.orphan = Some(Orphan::Unseen { was_orphaned });
         }
     }
@@ -77,8 +102,15 @@ impl DriveGuard {
     /// Whether the owner of the lease is awaited since before a restart of the gateway.
     #[must_use]
     pub fn is_orphaned(&self) -> bool {
-        let is_awaited = |it| matches!(it, Orphan::Unseen { .. } | Orphan::Listening { .. } | Orphan::Running(_));
-        self.lease.and_then(|lease| lease.orphan).is_some_and(is_awaited)
+        let is_awaited = |it| {
+            matches!(
+                it,
+                Orphan::Unseen { .. } | Orphan::Listening { .. } | Orphan::Running(_)
+            )
+        };
+        self.lease
+            .and_then(|lease| lease.orphan)
+            .is_some_and(is_awaited)
     }
 
     /// The drive shows at `now` that its motor turns, and perhaps in which `direction`. For an orphaned lease, the owner's
@@ -87,13 +119,17 @@ impl DriveGuard {
         if !matches!(self.intent, RunIntent::Run(_)) {
             self.turned = direction.or(self.turned);
         }
-        let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else { return };
+        let (Some(lease), Some(control)) = (&mut self.lease, &self.control) else {
+            return;
+        };
         match lease.orphan {
             Some(Orphan::Unseen { was_orphaned: true }) => {
                 lease.orphan = Some(Orphan::Running(Cause::CrashLoop));
                 lease.until = now;
             }
-            Some(Orphan::Unseen { was_orphaned: false }) => {
+            Some(Orphan::Unseen {
+                was_orphaned: false,
+            }) => {
                 lease.orphan = Some(Orphan::Running(Cause::Orphaned));
                 lease.until = lease.until.min(now + control.lost_after);
             }

@@ -8,9 +8,17 @@ use crate::domain::time::MonoTime;
 
 impl DriveGuard {
     /// Rules for every command but a stop.
-    pub(super) fn may_command(&self, origin: Origin, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
+    pub(super) fn may_command(
+        &self,
+        origin: Origin,
+        control: &ControlSettings,
+        facts: &Facts,
+    ) -> Result<(), Report> {
         self.may_be_heard(origin)?;
-        let other = self.lease().map(|(owner, _)| owner).filter(|owner| *owner != origin.owner);
+        let other = self
+            .lease()
+            .map(|(owner, _)| owner)
+            .filter(|owner| *owner != origin.owner);
         let reason = if facts.listens {
             Reason::Standby
         } else if !facts.line_is_up {
@@ -60,7 +68,12 @@ impl DriveGuard {
 
     /// An order that changes nothing renews the lease. With shared ownership it renews the current owner's lease: two
     /// controllers that repeat the same orders do not take control from each other.
-    pub(super) fn renew_unchanged(&mut self, owner: Owner, control: &ControlSettings, now: MonoTime) {
+    pub(super) fn renew_unchanged(
+        &mut self,
+        owner: Owner,
+        control: &ControlSettings,
+        now: MonoTime,
+    ) {
         let holder = self.lease().map(|(owner, _)| owner);
         let counts = self.counts_as_held_by(owner, control);
         self.renew(holder.filter(|_| counts).unwrap_or(owner), now);
@@ -73,6 +86,10 @@ impl DriveGuard {
         if self.is_ending {
             return Err(refused(Reason::ShuttingDown));
         }
-        if self.is_leaving { Err(refused(Reason::Removed)) } else { Ok(()) }
+        if self.is_leaving {
+            Err(refused(Reason::Removed))
+        } else {
+            Ok(())
+        }
     }
 }

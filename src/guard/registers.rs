@@ -3,7 +3,9 @@
 
 use super::review::{Facts, Verdict, no_steps, refused};
 use super::state::DriveGuard;
-use crate::domain::command::{CommandRequest, Go, Order, Origin, Owner, Reason, RegisterWrite, Report};
+use crate::domain::command::{
+    CommandRequest, Go, Order, Origin, Owner, Reason, RegisterWrite, Report,
+};
 use crate::domain::control::ControlSettings;
 use crate::domain::time::MonoTime;
 use crate::drive::{decode, steps};
@@ -18,21 +20,43 @@ impl DriveGuard {
         now: MonoTime,
     ) -> Result<(), Report> {
         let may = |write: &RegisterWrite| {
-            if !control.native_write.iter().any(|number| write.address == *number) {
+            if !control
+                .native_write
+                .iter()
+                .any(|number| write.address == *number)
+            {
                 return Err(Reason::NotListed);
             }
             decode::register(&self.model, *write)?;
             if self.model.sets_watchdog(write.address) {
                 return Err(Reason::NotAllowed);
             }
-            let is_worn = self.interlocks.was_written_within(control.stored_write_interval, write.address, now);
-            if is_worn { Err(Reason::WrittenTooOften) } else { Ok(()) }
+            let is_worn = self.interlocks.was_written_within(
+                control.stored_write_interval,
+                write.address,
+                now,
+            );
+            if is_worn {
+                Err(Reason::WrittenTooOften)
+            } else {
+                Ok(())
+            }
         };
         let is_repeated = |(at, write): (usize, &RegisterWrite)| {
-            self.model.is_stored(write.address) && writes.iter().take(at).any(|other| other.address == write.address)
+            self.model.is_stored(write.address)
+                && writes
+                    .iter()
+                    .take(at)
+                    .any(|other| other.address == write.address)
         };
-        writes.iter().try_for_each(|write| may(write).map_err(refused))?;
-        if writes.iter().enumerate().any(is_repeated) { Err(refused(Reason::WrittenTooOften)) } else { Ok(()) }
+        writes
+            .iter()
+            .try_for_each(|write| may(write).map_err(refused))?;
+        if writes.iter().enumerate().any(is_repeated) {
+            Err(refused(Reason::WrittenTooOften))
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether `go` sets the time of the drive's own watchdog, sent by a tool through the gateway's local socket.
@@ -58,10 +82,15 @@ impl DriveGuard {
         }
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         for write in go.registers() {
-            let register = self.model.writable_at(write.address).ok_or(refused(Reason::NotListed))?;
+            let register = self
+                .model
+                .writable_at(write.address)
+                .ok_or(refused(Reason::NotListed))?;
             match register.parameter_kind() {
                 ParameterKind::ReadOnly => return Err(refused(Reason::NotListed)),
-                ParameterKind::BackDoor | ParameterKind::Command => return Err(refused(Reason::NotAllowed)),
+                ParameterKind::BackDoor | ParameterKind::Command => {
+                    return Err(refused(Reason::NotAllowed));
+                }
                 _ if write.second.is_some() != register.form.pair.is_some() => {
                     return Err(refused(Reason::HalfAValue));
                 }
@@ -73,18 +102,27 @@ impl DriveGuard {
                 }
                 ParameterKind::Plain | ParameterKind::Source | ParameterKind::Link => {}
             }
-            let is_worn = self.interlocks.was_written_within(control.stored_write_interval, write.address, now);
+            let is_worn = self.interlocks.was_written_within(
+                control.stored_write_interval,
+                write.address,
+                now,
+            );
             if is_worn && self.model.is_stored(write.address) {
                 return Err(refused(Reason::WrittenTooOften));
             }
         }
         self.may_change_at_rest(command, facts, now)?;
-        let mut steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        let mut steps =
+            steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         // What stores them is sent once, after the last one.
         let applies = self.model.commit(CommitEffect::Apply).cloned();
         self.commit_after(&mut steps, applies.as_ref(), now);
         self.interlocks.approved(&self.model, go.registers(), now);
-        Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
+        Ok(Verdict::Go(self.approve(
+            command,
+            Order::Go(go.clone()),
+            steps,
+        )))
     }
 
     /// The drive's own watchdog is set like everything that decides when a motor stops: at standstill, with nothing
@@ -102,9 +140,14 @@ impl DriveGuard {
         self.may_change_at_rest(command, facts, now)?;
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let commit = self.last_commit(&control, now)?;
-        let mut steps = steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
+        let mut steps =
+            steps::of_go(&self.model, go, &control, None, &self.bases).map_err(no_steps)?;
         self.commit_after(&mut steps, commit.as_ref(), now);
-        Ok(Verdict::Go(self.approve(command, Order::Go(go.clone()), steps)))
+        Ok(Verdict::Go(self.approve(
+            command,
+            Order::Go(go.clone()),
+            steps,
+        )))
     }
 }
 

@@ -13,7 +13,10 @@ const DELAY: Duration = ControlSettings::RESTART_DELAY;
 const SHORT: Duration = Duration::from_millis(1);
 
 fn page() -> Origin {
-    Origin { owner: Owner::Page(CommanderName::new("anna").unwrap()), ..mqtt() }
+    Origin {
+        owner: Owner::Page(CommanderName::new("anna").unwrap()),
+        ..mqtt()
+    }
 }
 
 /// Name and event.
@@ -21,8 +24,12 @@ type Ending = (&'static str, fn(&mut DriveGuard));
 
 /// Events that end the right to start, at [`NOW`].
 const ENDINGS: [Ending; 6] = [
-    ("a stop", |guard| reviewed(guard, &command(mqtt(), STOP)).unwrap()),
-    ("a trip, or a drive that is offline", |guard| guard.lost_touch(NOW)),
+    ("a stop", |guard| {
+        reviewed(guard, &command(mqtt(), STOP)).unwrap()
+    }),
+    ("a trip, or a drive that is offline", |guard| {
+        guard.lost_touch(NOW)
+    }),
     ("a stop that was given up", |guard| guard.inhibit(NOW)),
     ("a lost lease with hold", |guard| {
         let (_, until) = guard.lease().unwrap();
@@ -38,18 +45,34 @@ const ENDINGS: [Ending; 6] = [
 
 /// A drive started by `owner`, with a lease that ends at [`NOW`].
 fn running(owner: Origin) -> DriveGuard {
-    let settings = ControlSettings { on_commander_lost: FailSafe::Hold, ..control() };
+    let settings = ControlSettings {
+        on_commander_lost: FailSafe::Hold,
+        ..control()
+    };
     let lost_after = settings.lost_after;
     let mut guard = guard_of(model(), settings);
     let begun = NOW.before(lost_after);
-    let start = CommandRequest { start_before: NOW, ..command(owner, run(Direction::Forward)) };
+    let start = CommandRequest {
+        start_before: NOW,
+        ..command(owner, run(Direction::Forward))
+    };
     assert!(guard.review(&start, &RESTING, begun).is_ok());
     guard
 }
 
-fn at(guard: &mut DriveGuard, plain: &CommandRequest, now: MonoTime) -> Result<(), (Outcome, Reason)> {
-    let plain = CommandRequest { start_before: now + DELAY, ..plain.clone() };
-    guard.review(&plain, &RESTING, now).map(drop).map_err(|report| (report.outcome, report.reason))
+fn at(
+    guard: &mut DriveGuard,
+    plain: &CommandRequest,
+    now: MonoTime,
+) -> Result<(), (Outcome, Reason)> {
+    let plain = CommandRequest {
+        start_before: now + DELAY,
+        ..plain.clone()
+    };
+    guard
+        .review(&plain, &RESTING, now)
+        .map(drop)
+        .map_err(|report| (report.outcome, report.reason))
 }
 
 #[test]
@@ -61,7 +84,11 @@ fn a_plain_run_is_refused_for_a_time_after_whatever_inhibits_the_start() {
             happens(&mut guard);
             let soon = (Outcome::Refused, Reason::RestartDelay);
             assert_eq!(at(&mut guard, &plain, NOW), Err(soon), "{cause}");
-            assert_eq!(at(&mut guard, &plain, (NOW + DELAY).before(SHORT)), Err(soon), "{cause}");
+            assert_eq!(
+                at(&mut guard, &plain, (NOW + DELAY).before(SHORT)),
+                Err(soon),
+                "{cause}"
+            );
             assert_eq!(at(&mut guard, &plain, NOW + DELAY), Ok(()), "{cause}");
         }
     }
@@ -71,10 +98,20 @@ fn a_plain_run_is_refused_for_a_time_after_whatever_inhibits_the_start() {
 fn an_epoch_that_was_shown_before_whatever_inhibits_the_start_is_stale() {
     for (cause, happens) in ENDINGS {
         let mut guard = running(mqtt());
-        let seen_before = CommandRequest { epoch: Some(guard.epoch()), ..command(mqtt(), run(Direction::Forward)) };
+        let seen_before = CommandRequest {
+            epoch: Some(guard.epoch()),
+            ..command(mqtt(), run(Direction::Forward))
+        };
         happens(&mut guard);
-        assert_eq!(at(&mut guard, &seen_before, NOW), Err((Outcome::Refused, Reason::StaleEpoch)), "{cause}");
-        let seen_since = CommandRequest { epoch: Some(guard.epoch()), ..seen_before };
+        assert_eq!(
+            at(&mut guard, &seen_before, NOW),
+            Err((Outcome::Refused, Reason::StaleEpoch)),
+            "{cause}"
+        );
+        let seen_since = CommandRequest {
+            epoch: Some(guard.epoch()),
+            ..seen_before
+        };
         assert_eq!(at(&mut guard, &seen_since, NOW), Ok(()), "{cause}");
     }
 }
@@ -82,5 +119,12 @@ fn an_epoch_that_was_shown_before_whatever_inhibits_the_start_is_stale() {
 #[test]
 fn nothing_that_waited_is_older_than_the_start_of_the_process() {
     let mut guard = guard_of(model(), control());
-    assert_eq!(at(&mut guard, &command(mqtt(), run(Direction::Forward)), MonoTime::ZERO), Ok(()));
+    assert_eq!(
+        at(
+            &mut guard,
+            &command(mqtt(), run(Direction::Forward)),
+            MonoTime::ZERO
+        ),
+        Ok(())
+    );
 }

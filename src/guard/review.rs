@@ -5,7 +5,9 @@ use super::registers::is_parameter;
 use super::state::DriveGuard;
 use super::trial;
 use crate::domain::address::Address;
-use crate::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent};
+use crate::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Reason, Report, RunIntent,
+};
 use crate::domain::control::{ControlAction, ControlSettings};
 use crate::domain::frequency::Hertz;
 use crate::domain::time::MonoTime;
@@ -72,7 +74,12 @@ impl DriveGuard {
     ///
     /// # Errors
     /// The reason for the refusal.
-    pub fn review(&mut self, command: &CommandRequest, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
+    pub fn review(
+        &mut self,
+        command: &CommandRequest,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
         let control = self.control.clone().ok_or(refused(Reason::ReadOnly))?;
         let control = trial::settings(command, control)?;
         let origin = command.origin;
@@ -88,20 +95,33 @@ impl DriveGuard {
             Order::Take if facts.listens => Err(refused(Reason::Standby)),
             Order::Take => self.review_take(origin, &control, facts, now),
             order => {
-                self.may_command(origin, &control, facts).inspect_err(|refused| {
-                    if let Reason::LineDown | Reason::Offline | Reason::Standby | Reason::Implausible = refused.reason {
-                        self.was_out_of_reach(origin.owner, now);
-                    }
-                })?;
+                self.may_command(origin, &control, facts)
+                    .inspect_err(|refused| {
+                        if let Reason::LineDown
+                        | Reason::Offline
+                        | Reason::Standby
+                        | Reason::Implausible = refused.reason
+                        {
+                            self.was_out_of_reach(origin.owner, now);
+                        }
+                    })?;
                 self.take_up(origin, order, now);
                 match order {
-                    Order::Go(go) if self.sets_watchdog(origin, go) => self.review_watchdog(command, go, facts, now),
-                    Order::Go(go) if is_parameter(origin, go) => self.review_parameter(command, go, facts, now),
+                    Order::Go(go) if self.sets_watchdog(origin, go) => {
+                        self.review_watchdog(command, go, facts, now)
+                    }
+                    Order::Go(go) if is_parameter(origin, go) => {
+                        self.review_parameter(command, go, facts, now)
+                    }
                     Order::Go(go) => self.review_go(command, go, &control, facts, now),
                     Order::Reset => self.review_reset(command, &control, facts, now),
                     Order::Release => self.review_release(command, &control, facts, now),
                     Order::Setup(addresses) => self.review_setup(command, addresses, facts, now),
-                    Order::Renew | Order::EndReset | Order::Take | Order::Stop { .. } | Order::Coast => {
+                    Order::Renew
+                    | Order::EndReset
+                    | Order::Take
+                    | Order::Stop { .. }
+                    | Order::Coast => {
                         self.renew(origin.owner, now);
                         Ok(Verdict::Unchanged)
                     }
@@ -110,7 +130,12 @@ impl DriveGuard {
         }
     }
 
-    fn review_stop(&mut self, origin: Origin, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
+    fn review_stop(
+        &mut self,
+        origin: Origin,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
         may_stop(origin)?;
         self.stop(origin, false, facts, now)
     }
@@ -139,14 +164,38 @@ impl DriveGuard {
         self.armed.has(origin.owner)
     }
 
-    fn stop(&mut self, origin: Origin, coast: bool, facts: &Facts, now: MonoTime) -> Result<Verdict, Report> {
-        let in_force = self.is_stop_in_force(origin, if coast { RunIntent::Coast } else { RunIntent::Stop }, facts);
+    fn stop(
+        &mut self,
+        origin: Origin,
+        coast: bool,
+        facts: &Facts,
+        now: MonoTime,
+    ) -> Result<Verdict, Report> {
+        let in_force = self.is_stop_in_force(
+            origin,
+            if coast {
+                RunIntent::Coast
+            } else {
+                RunIntent::Stop
+            },
+            facts,
+        );
         if in_force && (facts.stop_pending || facts.rests) {
             self.renew(origin.owner, now);
-            return Ok(if facts.stop_pending { Verdict::JoinsStop } else { Verdict::Unchanged });
+            return Ok(if facts.stop_pending {
+                Verdict::JoinsStop
+            } else {
+                Verdict::Unchanged
+            });
         }
-        let order = self.stop_of(origin.owner, coast, now).ok_or(refused(Reason::NotCapable))?;
-        Ok(if in_force && facts.stop_refused { Verdict::StopAgain(order) } else { Verdict::Stop(order) })
+        let order = self
+            .stop_of(origin.owner, coast, now)
+            .ok_or(refused(Reason::NotCapable))?;
+        Ok(if in_force && facts.stop_refused {
+            Verdict::StopAgain(order)
+        } else {
+            Verdict::Stop(order)
+        })
     }
 
     /// Accepts a stop of `owner`, which is sent. `None` if the model has no stop of this kind.
@@ -159,16 +208,33 @@ impl DriveGuard {
 
     /// A stop of `owner` was answered from memory because the drive was not running; now it is seen running, and the stop
     /// is sent after all.
-    pub fn stop_after_all(&mut self, owner: Owner, coast: bool, now: MonoTime) -> Option<StopOrder> {
+    pub fn stop_after_all(
+        &mut self,
+        owner: Owner,
+        coast: bool,
+        now: MonoTime,
+    ) -> Option<StopOrder> {
         self.control.as_ref()?;
         self.stop_of(owner, coast, now)
     }
 
     /// A control action requires a proven fact of the model, or acceptance in the control section.
-    pub(super) fn may_do(&self, action: ControlAction, control: &ControlSettings) -> Result<(), Report> {
-        let run = self.model.run.as_ref().filter(|run| run.action(action).is_some());
+    pub(super) fn may_do(
+        &self,
+        action: ControlAction,
+        control: &ControlSettings,
+    ) -> Result<(), Report> {
+        let run = self
+            .model
+            .run
+            .as_ref()
+            .filter(|run| run.action(action).is_some());
         let run = run.ok_or(refused(Reason::NotCapable))?;
-        if run.may(action, &control.accept_unverified) { Ok(()) } else { Err(refused(Reason::Unverified)) }
+        if run.may(action, &control.accept_unverified) {
+            Ok(())
+        } else {
+            Err(refused(Reason::Unverified))
+        }
     }
 
     /// A motor is moved only if stop, forward and the setpoint are proven or accepted: a motor that cannot be stopped is not
@@ -176,17 +242,31 @@ impl DriveGuard {
     pub(super) fn may_be_ordered(&self, go: &Go, control: &ControlSettings) -> Result<(), Report> {
         let moves = go.run().is_some() || go.frequency().is_some();
         let may = !moves || self.model.may_be_ordered(&control.accept_unverified);
-        if may { Ok(()) } else { Err(refused(Reason::Unverified)) }
+        if may {
+            Ok(())
+        } else {
+            Err(refused(Reason::Unverified))
+        }
     }
 
     fn qualified_drive(&self) -> Option<(Address, u16)> {
         self.control.as_ref()?.qualified_drive()
     }
 
-    pub(super) fn approve(&self, command: &CommandRequest, order: Order, steps: Vec<steps::Step>) -> Approved {
+    pub(super) fn approve(
+        &self,
+        command: &CommandRequest,
+        order: Order,
+        steps: Vec<steps::Step>,
+    ) -> Approved {
         let owner = command.origin.owner;
         let start_before = command.start_before;
-        let mut all = required::before(&self.model, &order, self.is_identified, self.qualified_drive());
+        let mut all = required::before(
+            &self.model,
+            &order,
+            self.is_identified,
+            self.qualified_drive(),
+        );
         all.extend(steps);
         let steps = all;
         Approved {
@@ -227,13 +307,19 @@ fn ends_a_reset(order: &Order) -> bool {
 fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Result<(), Report> {
     let stops = order.is_stop();
     let allowed = match owner {
-        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) | Owner::ModbusRtu(_) => control.from_modbus_tcp || stops,
+        Owner::ModbusTcp(_) | Owner::ModbusSecurity(_) | Owner::ModbusRtu(_) => {
+            control.from_modbus_tcp || stops
+        }
         Owner::Mqtt | Owner::MqttBy(_) => control.from_mqtt,
         Owner::Page(_) => control.from_page,
         Owner::Sparkplug => control.from_sparkplug,
         Owner::Local => true,
     };
-    if allowed { Ok(()) } else { Err(refused(Reason::NotFromHere)) }
+    if allowed {
+        Ok(())
+    } else {
+        Err(refused(Reason::NotFromHere))
+    }
 }
 
 /// What is wired is not ordered over the bus. A stop is sent all the same: on some drives it acts whatever they obey, and
@@ -241,14 +327,25 @@ fn may_come_from(control: &ControlSettings, owner: Owner, order: &Order) -> Resu
 fn comes_over_the_bus(control: &ControlSettings, order: &Order) -> Result<(), Report> {
     let bus = control.bus;
     let may = match order {
-        Order::Go(go) => (go.run().is_none() || bus.has_run()) && (go.frequency().is_none() || bus.has_frequency()),
+        Order::Go(go) => {
+            (go.run().is_none() || bus.has_run())
+                && (go.frequency().is_none() || bus.has_frequency())
+        }
         Order::Coast | Order::Reset | Order::Release => bus.has_run(),
         Order::Stop { .. } | Order::Setup(_) | Order::Take | Order::Renew | Order::EndReset => true,
     };
-    if may { Ok(()) } else { Err(refused(Reason::NotOverBus)) }
+    if may {
+        Ok(())
+    } else {
+        Err(refused(Reason::NotOverBus))
+    }
 }
 
 /// A stop is carried out by a gateway that listens, too.
 fn may_stop(origin: Origin) -> Result<(), Report> {
-    if origin.rights.stop { Ok(()) } else { Err(refused(Reason::NotAllowed)) }
+    if origin.rights.stop {
+        Ok(())
+    } else {
+        Err(refused(Reason::NotAllowed))
+    }
 }

@@ -18,11 +18,23 @@ const ASKED_AGAIN_AFTER: Duration = Duration::from_secs(5);
 impl DriveGuard {
     /// The drive acknowledged the setpoint `value` of `owner`.
     pub fn setpoint_was_acknowledged(&mut self, owner: Owner, value: Hertz, now: MonoTime) {
-        let accepted = Setpoint { acknowledged: true, acknowledged_at: now, ..Setpoint::accepted(owner, value) };
-        let is_repeated = self.setpoint.is_some_and(|setpoint| setpoint.value == value && setpoint.is_repeated);
-        let held = Setpoint { is_repeated, ..accepted };
+        let accepted = Setpoint {
+            acknowledged: true,
+            acknowledged_at: now,
+            ..Setpoint::accepted(owner, value)
+        };
+        let is_repeated = self
+            .setpoint
+            .is_some_and(|setpoint| setpoint.value == value && setpoint.is_repeated);
+        let held = Setpoint {
+            is_repeated,
+            ..accepted
+        };
         self.held_setpoint = Some(held);
-        if self.setpoint.is_some_and(|setpoint| setpoint.value == value) {
+        if self
+            .setpoint
+            .is_some_and(|setpoint| setpoint.value == value)
+        {
             self.setpoint = Some(held);
         }
     }
@@ -45,7 +57,10 @@ impl DriveGuard {
     /// The setpoint `value` was never sent, or the drive refused it: it is replaced by the one still to be sent, or
     /// else by the one that the drive holds.
     pub fn setpoint_failed(&mut self, value: Hertz, still_ordered: Option<(Owner, Hertz)>) {
-        if self.setpoint.is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged) {
+        if self
+            .setpoint
+            .is_some_and(|setpoint| setpoint.value == value && !setpoint.acknowledged)
+        {
             let ordered = still_ordered.map(|(by, value)| Setpoint::accepted(by, value));
             self.setpoint = ordered.or(self.held_setpoint);
         }
@@ -57,25 +72,38 @@ impl DriveGuard {
 
     pub(super) fn accept_setpoint(&mut self, owner: Owner, value: Hertz) {
         let is_repeated = self.is_repeated(value);
-        self.setpoint = Some(Setpoint { is_repeated, ..Setpoint::accepted(owner, value) });
+        self.setpoint = Some(Setpoint {
+            is_repeated,
+            ..Setpoint::accepted(owner, value)
+        });
     }
 
     /// Takes the words that a read from `first` on brought at `at`.
     pub fn take_setting(&mut self, first: Address, words: &[u16], at: MonoTime) {
-        let Some(register) = self.model.setting_register() else { return };
+        let Some(register) = self.model.setting_register() else {
+            return;
+        };
         let word = |address: Address| address.word_in(first, words);
         let second = match register.form.pair {
             Some(_) => register.address.checked_add(1).and_then(word),
             None => Some(0),
         };
-        let Some((first, second)) = word(register.address).zip(second) else { return };
-        self.setting = Some(Setting { words: [first, second], at });
+        let Some((first, second)) = word(register.address).zip(second) else {
+            return;
+        };
+        self.setting = Some(Setting {
+            words: [first, second],
+            at,
+        });
         if let Some(setpoint) = self.setpoint
             && setpoint.acknowledged
             && !setpoint.is_shown
         {
             let is_shown = self.holds(setpoint.value) == Some(true);
-            self.setpoint = Some(Setpoint { is_shown, ..setpoint });
+            self.setpoint = Some(Setpoint {
+                is_shown,
+                ..setpoint
+            });
         }
     }
 
@@ -86,41 +114,65 @@ impl DriveGuard {
 
     /// Whether the accepted setpoint, which the drive has acknowledged, is in force at `now`.
     pub(super) fn is_in_force(&self, now: MonoTime) -> InForce {
-        let (Some(setpoint), Some(setting)) = (self.setpoint, self.setting) else { return InForce::Yes };
+        let (Some(setpoint), Some(setting)) = (self.setpoint, self.setting) else {
+            return InForce::Yes;
+        };
         if self.holds(setpoint.value) != Some(false) {
             return InForce::Yes;
         }
         if setpoint.is_shown {
             // Somebody has changed it since.
-            return if self.is_worn_by_setpoint(now) { setting.keeps_out() } else { InForce::No };
+            return if self.is_worn_by_setpoint(now) {
+                setting.keeps_out()
+            } else {
+                InForce::No
+            };
         }
         let since = setting.at.since(setpoint.acknowledged_at);
         if since < SHOWN_WITHIN {
             // Read before, or too soon: it need not show yet.
-            return if setpoint.is_repeated { setting.keeps_out() } else { InForce::Yes };
+            return if setpoint.is_repeated {
+                setting.keeps_out()
+            } else {
+                InForce::Yes
+            };
         }
         let waits = since < ASKED_AGAIN_AFTER || self.is_worn_by_setpoint(now);
-        if waits { setting.keeps_out() } else { InForce::No }
+        if waits {
+            setting.keeps_out()
+        } else {
+            InForce::No
+        }
     }
 
     /// Whether the setpoint that is sent now was acknowledged before and never shown: its read-back is the answer.
     pub(super) fn is_repeated(&self, value: Hertz) -> bool {
-        self.setpoint.is_some_and(|it| it.value == value && (it.is_repeated || it.acknowledged) && !it.is_shown)
-            && self.holds(value) == Some(false)
+        self.setpoint.is_some_and(|it| {
+            it.value == value && (it.is_repeated || it.acknowledged) && !it.is_shown
+        }) && self.holds(value) == Some(false)
     }
 
     /// Whether the setpoint goes to a stored register that was written too short a time ago.
     fn is_worn_by_setpoint(&self, now: MonoTime) -> bool {
-        let Some(address) = self.setpoint_address().filter(|address| self.model.is_stored(*address)) else {
+        let Some(address) = self
+            .setpoint_address()
+            .filter(|address| self.model.is_stored(*address))
+        else {
             return false;
         };
-        let interval = self.control.as_ref().map_or(Duration::ZERO, |control| control.stored_write_interval);
+        let interval = self
+            .control
+            .as_ref()
+            .map_or(Duration::ZERO, |control| control.stored_write_interval);
         self.interlocks.was_written_within(interval, address, now)
     }
 
     /// Where the setpoint is written.
     pub(super) fn setpoint_address(&self) -> Option<Address> {
-        Some(self.model.cyclic_address(self.model.register_for(Role::FrequencyCommand)?))
+        Some(
+            self.model
+                .cyclic_address(self.model.register_for(Role::FrequencyCommand)?),
+        )
     }
 
     /// Whether the setting agrees with `value` within a step of it or of the setpoint; `None` if that is not known.
@@ -128,12 +180,18 @@ impl DriveGuard {
         let register = self.model.setting_register()?;
         let words = self.setting?.words;
         let known = |address| self.bases.word(address);
-        let number = register.number(|address| words.get(usize::from(address != register.address)).copied())?;
+        let number = register
+            .number(|address| words.get(usize::from(address != register.address)).copied())?;
         let number = i64::try_from(number.unsigned_abs()).ok()?;
         let shown = register.magnitude(number, known)?.millihertz();
         let next = register.magnitude(number + 1, known)?.millihertz();
-        let command = self.model.register_for(Role::FrequencyCommand).filter(|it| it.is_exact());
-        let step = next.saturating_sub(shown).max(command.map_or(0, step_millihertz));
+        let command = self
+            .model
+            .register_for(Role::FrequencyCommand)
+            .filter(|it| it.is_exact());
+        let step = next
+            .saturating_sub(shown)
+            .max(command.map_or(0, step_millihertz));
         // Both are rounded to the nearest thousandth.
         Some(shown.abs_diff(value.millihertz()) <= step + 1)
     }

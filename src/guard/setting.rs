@@ -21,7 +21,14 @@ pub(super) struct Setpoint {
 impl Setpoint {
     pub const fn accepted(by: Owner, value: Hertz) -> Self {
         let acknowledged_at = MonoTime::ZERO;
-        Self { value, by, acknowledged: false, acknowledged_at, is_shown: false, is_repeated: false }
+        Self {
+            value,
+            by,
+            acknowledged: false,
+            acknowledged_at,
+            is_shown: false,
+            is_repeated: false,
+        }
     }
 }
 
@@ -36,7 +43,9 @@ pub(super) struct Setting {
 
 impl Setting {
     pub const fn keeps_out(self) -> InForce {
-        InForce::KeptOut { held: self.words[0] }
+        InForce::KeptOut {
+            held: self.words[0],
+        }
     }
 }
 
@@ -59,9 +68,10 @@ impl InForce {
     pub fn report(self) -> Result<(), Report> {
         match self {
             Self::Yes | Self::No => Ok(()),
-            Self::KeptOut { held } => {
-                Err(Report { held: Some(held), ..Report::new(Outcome::Failed, Reason::NotReadBack) })
-            }
+            Self::KeptOut { held } => Err(Report {
+                held: Some(held),
+                ..Report::new(Outcome::Failed, Reason::NotReadBack)
+            }),
         }
     }
 }

@@ -7,7 +7,12 @@ use crate::domain::control::ControlSettings;
 
 impl DriveGuard {
     /// Whether a setpoint that a client wrote alone, with a sign, leaves the direction as it is.
-    pub(super) fn sign_may_stand(&self, go: &Go, control: &ControlSettings, facts: &Facts) -> Result<(), Report> {
+    pub(super) fn sign_may_stand(
+        &self,
+        go: &Go,
+        control: &ControlSettings,
+        facts: &Facts,
+    ) -> Result<(), Report> {
         if go.run().is_some() || go.toward().is_none() || go.toward() == self.sign(control, facts) {
             return Ok(());
         }
@@ -15,11 +20,18 @@ impl DriveGuard {
     }
 
     /// `go`, its setpoint with the sign of the direction in force if it has no direction of its own.
-    pub(super) fn signed(&self, go: Go, control: &ControlSettings, facts: &Facts) -> Result<Go, Report> {
+    pub(super) fn signed(
+        &self,
+        go: Go,
+        control: &ControlSettings,
+        facts: &Facts,
+    ) -> Result<Go, Report> {
         if !self.model.turns_by_sign() || go.run().is_some() || go.frequency().is_none() {
             return Ok(go);
         }
-        let sign = self.sign(control, facts).ok_or(refused(Reason::SignUnknown))?;
+        let sign = self
+            .sign(control, facts)
+            .ok_or(refused(Reason::SignUnknown))?;
         Ok(go.with_sign(Some(sign)))
     }
 

@@ -79,7 +79,12 @@ impl DriveGuard {
     /// Creates the guard of a drive that was added at `now`: it has no owner, and the start is inhibited. Epochs count
     /// from `first_epoch`, which should differ from those of a previous run of the gateway.
     #[must_use]
-    pub fn new(model: Arc<Model>, control: Option<Arc<ControlSettings>>, first_epoch: u64, now: MonoTime) -> Self {
+    pub fn new(
+        model: Arc<Model>,
+        control: Option<Arc<ControlSettings>>,
+        first_epoch: u64,
+        now: MonoTime,
+    ) -> Self {
         Self {
             bases: Bases::of(&model),
             model,
@@ -182,8 +187,14 @@ impl DriveGuard {
     /// When [`Self::expire`] is due: the end of the lease, or of an adoption.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        let lease = self.lease.map(|lease| lease.until).filter(|until| *until != MonoTime::NEVER);
-        lease.into_iter().chain(self.adopted.map(|adopted| adopted.until)).min()
+        let lease = self
+            .lease
+            .map(|lease| lease.until)
+            .filter(|until| *until != MonoTime::NEVER);
+        lease
+            .into_iter()
+            .chain(self.adopted.map(|adopted| adopted.until))
+            .min()
     }
 
     /// The owner renews its lease.
@@ -199,7 +210,11 @@ impl DriveGuard {
     /// The connection of `owner` is open: that alone renews a session lease.
     pub fn path_alive(&mut self, owner: Owner, now: MonoTime) {
         self.take_up_by_path(owner, now);
-        if self.control.as_ref().is_some_and(|control| control.lease == LeaseMode::Session) {
+        if self
+            .control
+            .as_ref()
+            .is_some_and(|control| control.lease == LeaseMode::Session)
+        {
             self.renew(owner, now);
         }
     }
@@ -261,7 +276,10 @@ impl DriveGuard {
         if matches!(self.intent, RunIntent::Run(_)) {
             return;
         }
-        if self.lease.is_some_and(|lease| lease.orphan.is_some() || self.armed.has(lease.owner)) {
+        if self
+            .lease
+            .is_some_and(|lease| lease.orphan.is_some() || self.armed.has(lease.owner))
+        {
             self.lease = None;
         }
     }
@@ -289,7 +307,8 @@ impl DriveGuard {
         }
         let stands = still_ordered.or(self.obeyed.map(|(direction, _)| direction));
         self.intent = stands.map_or(RunIntent::Stop, RunIntent::Run);
-        self.run_acknowledged = still_ordered.is_none() && self.obeyed.is_some_and(|(_, is_sure)| is_sure);
+        self.run_acknowledged =
+            still_ordered.is_none() && self.obeyed.is_some_and(|(_, is_sure)| is_sure);
         self.turned = stands.or(self.turned);
     }
 
@@ -297,7 +316,12 @@ impl DriveGuard {
     pub(super) fn take_lease(&mut self, owner: Owner, now: MonoTime) {
         if let Some(control) = &self.control {
             self.adopted = None;
-            self.lease = Some(Lease { owner, until: now + control.lost_after, orphan: None, refused_at: None });
+            self.lease = Some(Lease {
+                owner,
+                until: now + control.lost_after,
+                orphan: None,
+                refused_at: None,
+            });
         }
     }
 
@@ -317,7 +341,11 @@ impl DriveGuard {
         self.is_released = false;
         self.stops += 1;
         self.inhibit(now);
-        self.intent = if coast { RunIntent::Coast } else { RunIntent::Stop };
+        self.intent = if coast {
+            RunIntent::Coast
+        } else {
+            RunIntent::Stop
+        };
         if self.lease.is_some_and(|lease| Some(lease.owner) != owner) {
             self.lease = None;
         }
@@ -329,7 +357,11 @@ impl DriveGuard {
     /// The direction of a motor of which none is known: the only one that is allowed, or forward.
     fn likely_direction(&self) -> Option<Direction> {
         let directions = &self.control.as_ref()?.directions;
-        Some(if directions.contains(&Direction::Forward) { Direction::Forward } else { Direction::Reverse })
+        Some(if directions.contains(&Direction::Forward) {
+            Direction::Forward
+        } else {
+            Direction::Reverse
+        })
     }
 
     pub(super) fn stop_order(&self, coast: bool) -> Option<StopOrder> {

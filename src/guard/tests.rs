@@ -3,8 +3,8 @@
 use super::*;
 use crate::domain::address::Address;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite, Report, Rights,
-    RunIntent,
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite,
+    Report, Rights, RunIntent,
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
@@ -37,11 +37,22 @@ pub(super) const RESTING: Facts = Facts {
 
 pub(super) fn plc(last: u8) -> Origin {
     let owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last)));
-    Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Cyclic }
+    Origin {
+        owner,
+        rights: Rights {
+            write: true,
+            stop: true,
+        },
+        manner: Manner::Cyclic,
+    }
 }
 
 pub(super) fn mqtt() -> Origin {
-    Origin { owner: Owner::Mqtt, manner: Manner::Once, ..plc(0) }
+    Origin {
+        owner: Owner::Mqtt,
+        manner: Manner::Once,
+        ..plc(0)
+    }
 }
 
 pub(super) fn command(origin: Origin, order: Order) -> CommandRequest {
@@ -59,38 +70,72 @@ pub(super) fn command(origin: Origin, order: Order) -> CommandRequest {
 }
 
 pub(super) fn run(direction: Direction) -> Order {
-    Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), Some(direction)).unwrap())
+    Order::Go(
+        Go::new(
+            Vec::new(),
+            Some(Hertz::from_centihertz(2000)),
+            Some(direction),
+        )
+        .unwrap(),
+    )
 }
 
 pub(super) fn guard_of(model: Model, control: ControlSettings) -> DriveGuard {
     DriveGuard::new(Arc::new(model), Some(Arc::new(control)), 7, MonoTime::ZERO)
 }
 
-pub(super) fn reviewed(guard: &mut DriveGuard, command: &CommandRequest) -> Result<(), (Outcome, Reason)> {
+pub(super) fn reviewed(
+    guard: &mut DriveGuard,
+    command: &CommandRequest,
+) -> Result<(), (Outcome, Reason)> {
     let verdict = guard.review(command, &RESTING, NOW);
-    verdict.map(drop).map_err(|Report { outcome, reason, .. }| (outcome, reason))
+    verdict.map(drop).map_err(
+        |Report {
+             outcome, reason, ..
+         }| (outcome, reason),
+    )
 }
 
 #[test]
 fn an_unproven_fact_carries_an_action_only_where_that_is_accepted() {
     let mut unproven = model();
     let run_facts = unproven.run.as_mut().unwrap();
-    for fact in [&mut run_facts.reverse, &mut run_facts.coast, &mut run_facts.reset] {
+    for fact in [
+        &mut run_facts.reverse,
+        &mut run_facts.coast,
+        &mut run_facts.reset,
+    ] {
         fact.as_mut().unwrap().confidence = Confidence::Inferred;
     }
-    let facts = Facts { tripped: Some(true), ..RESTING };
+    let facts = Facts {
+        tripped: Some(true),
+        ..RESTING
+    };
     for (order, action) in [
         (run(Direction::Reverse), ControlAction::Reverse),
         (Order::Coast, ControlAction::Coast),
         (Order::Reset, ControlAction::Reset),
     ] {
-        let facts = if order == Order::Reset { facts } else { RESTING };
+        let facts = if order == Order::Reset {
+            facts
+        } else {
+            RESTING
+        };
         let mut strict = guard_of(unproven.clone(), control());
-        let refusal = strict.review(&command(mqtt(), order.clone()), &facts, NOW).unwrap_err();
+        let refusal = strict
+            .review(&command(mqtt(), order.clone()), &facts, NOW)
+            .unwrap_err();
         assert_eq!(refusal, Report::refused(Reason::Unverified), "{order:?}");
-        let settings = ControlSettings { accept_unverified: vec![action], ..control() };
+        let settings = ControlSettings {
+            accept_unverified: vec![action],
+            ..control()
+        };
         let mut accepting = guard_of(unproven.clone(), settings);
-        assert!(accepting.review(&command(mqtt(), order), &facts, NOW).is_ok());
+        assert!(
+            accepting
+                .review(&command(mqtt(), order), &facts, NOW)
+                .is_ok()
+        );
     }
 }
 
@@ -98,14 +143,22 @@ fn an_unproven_fact_carries_an_action_only_where_that_is_accepted() {
 fn a_motor_whose_stop_is_unproven_is_not_started_and_may_always_be_stopped() {
     let mut unproven = model();
     unproven.run.as_mut().unwrap().stop.confidence = Confidence::ThirdParty;
-    let setpoint = Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+    let setpoint =
+        Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
     let orders = [run(Direction::Forward), run(Direction::Reverse), setpoint];
     for order in orders {
         let mut strict = guard_of(unproven.clone(), control());
         let refusal = reviewed(&mut strict, &command(mqtt(), order.clone()));
-        assert_eq!(refusal, Err((Outcome::Refused, Reason::Unverified)), "{order:?}");
+        assert_eq!(
+            refusal,
+            Err((Outcome::Refused, Reason::Unverified)),
+            "{order:?}"
+        );
         assert_eq!(reviewed(&mut strict, &command(mqtt(), STOP)), Ok(()));
-        let settings = ControlSettings { accept_unverified: vec![ControlAction::Basic], ..control() };
+        let settings = ControlSettings {
+            accept_unverified: vec![ControlAction::Basic],
+            ..control()
+        };
         let mut accepting = guard_of(unproven.clone(), settings);
         assert_eq!(reviewed(&mut accepting, &command(mqtt(), order)), Ok(()));
     }
@@ -120,7 +173,10 @@ fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast(
     run_facts.reset = None;
     let mut guard = guard_of(plain, control());
     for order in [run(Direction::Reverse), Order::Coast] {
-        assert_eq!(reviewed(&mut guard, &command(mqtt(), order)), Err((Outcome::Refused, Reason::NotCapable)));
+        assert_eq!(
+            reviewed(&mut guard, &command(mqtt(), order)),
+            Err((Outcome::Refused, Reason::NotCapable))
+        );
     }
     assert_eq!(guard.stops(), 0);
 }
@@ -129,43 +185,97 @@ fn what_a_model_cannot_do_is_refused_by_name_and_stop_never_stands_in_for_coast(
 fn a_run_that_fails_after_one_that_holds_does_not_make_a_stop_change_nothing() {
     for is_sure in [true, false] {
         let mut guard = guard_of(model(), control());
-        assert!(matches!(guard.review(&command(plc(1), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
-        assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), Ok(()));
+        assert!(matches!(
+            guard.review(&command(plc(1), STOP), &RESTING, NOW),
+            Ok(Verdict::Stop(_))
+        ));
+        assert_eq!(
+            reviewed(&mut guard, &command(plc(1), run(Direction::Forward))),
+            Ok(())
+        );
         if is_sure {
             guard.run_was_acknowledged(Direction::Forward);
         } else {
             guard.run_is_unknown(Direction::Forward);
         }
         // Another setpoint and RUN that was never sent.
-        let other = Go::new(Vec::new(), Some(Hertz::from_centihertz(3000)), Some(Direction::Forward)).unwrap();
-        let again = Origin { manner: Manner::Once, ..plc(1) };
-        let later = CommandRequest { issued: Some(NOW + Duration::from_millis(1)), ..command(again, Order::Go(other)) };
+        let other = Go::new(
+            Vec::new(),
+            Some(Hertz::from_centihertz(3000)),
+            Some(Direction::Forward),
+        )
+        .unwrap();
+        let again = Origin {
+            manner: Manner::Once,
+            ..plc(1)
+        };
+        let later = CommandRequest {
+            issued: Some(NOW + Duration::from_millis(1)),
+            ..command(again, Order::Go(other))
+        };
         assert_eq!(reviewed(&mut guard, &later), Ok(()));
         guard.run_failed(Direction::Forward, None);
-        assert_eq!(guard.intent(), RunIntent::Run(Direction::Forward), "the motor runs");
-        assert!(matches!(guard.review(&command(plc(1), STOP), &RESTING, NOW), Ok(Verdict::Stop(_))));
+        assert_eq!(
+            guard.intent(),
+            RunIntent::Run(Direction::Forward),
+            "the motor runs"
+        );
+        assert!(matches!(
+            guard.review(&command(plc(1), STOP), &RESTING, NOW),
+            Ok(Verdict::Stop(_))
+        ));
         assert_eq!(guard.intent(), RunIntent::Stop);
     }
 }
 
 #[test]
 fn strict_messages_must_say_what_they_have_seen() {
-    let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
+    let mut guard = guard_of(
+        model(),
+        ControlSettings {
+            strict: true,
+            ..control()
+        },
+    );
     let plain = command(mqtt(), run(Direction::Forward));
-    assert_eq!(reviewed(&mut guard, &plain), Err((Outcome::Refused, Reason::EpochNeeded)));
-    let stale = CommandRequest { epoch: Some(6), ..plain.clone() };
-    assert_eq!(reviewed(&mut guard, &stale), Err((Outcome::Refused, Reason::StaleEpoch)));
-    assert_eq!(reviewed(&mut guard, &CommandRequest { epoch: Some(7), ..plain }), Ok(()));
+    assert_eq!(
+        reviewed(&mut guard, &plain),
+        Err((Outcome::Refused, Reason::EpochNeeded))
+    );
+    let stale = CommandRequest {
+        epoch: Some(6),
+        ..plain.clone()
+    };
+    assert_eq!(
+        reviewed(&mut guard, &stale),
+        Err((Outcome::Refused, Reason::StaleEpoch))
+    );
+    assert_eq!(
+        reviewed(
+            &mut guard,
+            &CommandRequest {
+                epoch: Some(7),
+                ..plain
+            }
+        ),
+        Ok(())
+    );
 }
 
 #[test]
 fn a_moment_of_issue_counts_only_after_the_last_stop_inhibit_or_start_of_the_gateway() {
-    let issued = |at| CommandRequest { issued: Some(at), ..command(mqtt(), run(Direction::Forward)) };
+    let issued = |at| CommandRequest {
+        issued: Some(at),
+        ..command(mqtt(), run(Direction::Forward))
+    };
     let until_then = issued(NOW);
     let after = issued(NOW + Duration::from_millis(1));
     let stale = Err((Outcome::Refused, Reason::Stale));
     for strict in [false, true] {
-        let settings = || ControlSettings { strict, ..control() };
+        let settings = || ControlSettings {
+            strict,
+            ..control()
+        };
         let mut stopped = guard_of(model(), settings());
         assert_eq!(reviewed(&mut stopped, &command(mqtt(), STOP)), Ok(()));
         let mut inhibited = guard_of(model(), settings());
@@ -182,22 +292,37 @@ fn a_moment_of_issue_counts_only_after_the_last_stop_inhibit_or_start_of_the_gat
 fn who_has_not_stopped_the_drive_may_not_start_it_and_the_memory_of_that_is_bounded() {
     let mut guard = guard_of(model(), control());
     let refused = Err((Outcome::Refused, Reason::StartInhibited));
-    assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), refused);
+    assert_eq!(
+        reviewed(&mut guard, &command(plc(1), run(Direction::Forward))),
+        refused
+    );
     for client in 1..=255 {
         assert_eq!(reviewed(&mut guard, &command(plc(client), STOP)), Ok(()));
     }
-    assert_eq!(reviewed(&mut guard, &command(plc(1), run(Direction::Forward))), refused, "others stopped it since");
-    assert_eq!(reviewed(&mut guard, &command(plc(255), run(Direction::Forward))), Ok(()));
+    assert_eq!(
+        reviewed(&mut guard, &command(plc(1), run(Direction::Forward))),
+        refused,
+        "others stopped it since"
+    );
+    assert_eq!(
+        reviewed(&mut guard, &command(plc(255), run(Direction::Forward))),
+        Ok(())
+    );
 }
 
 #[test]
 fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     let mut guard = guard_of(model(), control());
-    let Ok(Verdict::Go(approved)) = guard.review(&command(mqtt(), run(Direction::Forward)), &RESTING, NOW) else {
+    let Ok(Verdict::Go(approved)) =
+        guard.review(&command(mqtt(), run(Direction::Forward)), &RESTING, NOW)
+    else {
         panic!("approved")
     };
     assert_eq!(approved.may_go(false, NOW, guard.stops()), Ok(()));
-    assert_eq!(approved.may_go(false, NOW + Duration::from_secs(1), guard.stops()), Err(Void::TooLate));
+    assert_eq!(
+        approved.may_go(false, NOW + Duration::from_secs(1), guard.stops()),
+        Err(Void::TooLate)
+    );
     assert_eq!(
         approved.may_go(true, NOW + Duration::from_secs(1), guard.stops()),
         Ok(()),
@@ -205,34 +330,58 @@ fn a_stop_raises_the_epoch_and_voids_what_was_approved() {
     );
     let epoch = guard.epoch();
     assert_eq!(reviewed(&mut guard, &command(plc(1), STOP)), Ok(()));
-    assert_eq!(approved.may_go(true, NOW, guard.stops()), Err(Void::Stopped));
+    assert_eq!(
+        approved.may_go(true, NOW, guard.stops()),
+        Err(Void::Stopped)
+    );
     assert!(guard.epoch() > epoch);
 }
 
 #[test]
 fn a_lease_that_runs_out_over_a_resting_drive_does_nothing_to_it() {
     let mut guard = guard_of(model(), control());
-    let setpoint = Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
+    let setpoint =
+        Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(2000)), None).unwrap());
     reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))).unwrap();
     reviewed(&mut guard, &command(mqtt(), STOP)).unwrap();
     let (_, until) = guard.lease().unwrap();
-    assert_eq!(guard.expire(until, true), None, "it was stopped and stands still");
+    assert_eq!(
+        guard.expire(until, true),
+        None,
+        "it was stopped and stands still"
+    );
     assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));
     reviewed(&mut guard, &command(mqtt(), setpoint)).unwrap();
-    assert_eq!(guard.lease(), None, "a setpoint for a resting drive takes no control");
+    assert_eq!(
+        guard.lease(),
+        None,
+        "a setpoint for a resting drive takes no control"
+    );
 }
 
 #[test]
 fn a_lease_that_runs_out_over_a_moving_drive_brings_the_declared_action() {
     for action in [FailSafe::Stop, FailSafe::Coast, FailSafe::Hold] {
-        let mut guard = guard_of(model(), ControlSettings { on_commander_lost: action, ..control() });
+        let mut guard = guard_of(
+            model(),
+            ControlSettings {
+                on_commander_lost: action,
+                ..control()
+            },
+        );
         reviewed(&mut guard, &command(mqtt(), run(Direction::Forward))).unwrap();
         let (_, until) = guard.lease().unwrap();
-        assert_eq!(guard.expire(until.before(Duration::from_nanos(1)), false), None);
+        assert_eq!(
+            guard.expire(until.before(Duration::from_nanos(1)), false),
+            None
+        );
         let lost = guard.expire(until, false).unwrap();
         assert_eq!((lost.owner, lost.action), (Some(Owner::Mqtt), action));
         assert_eq!(lost.order.is_some(), action != FailSafe::Hold);
-        assert_eq!(guard.intent() == RunIntent::Coast, action == FailSafe::Coast);
+        assert_eq!(
+            guard.intent() == RunIntent::Coast,
+            action == FailSafe::Coast
+        );
         assert!(guard.fail_safe().is_some());
     }
 }
@@ -242,19 +391,39 @@ pub(super) fn register(address: Address, value: u16) -> Order {
 }
 
 /// The verdict on `order` of a local client with these facts.
-pub(super) fn judged(guard: &mut DriveGuard, order: Order, facts: Facts) -> Result<Verdict, Reason> {
-    let local = Origin { owner: Owner::Local, ..mqtt() };
-    guard.review(&command(local, order), &facts, NOW).map_err(|report| report.reason)
+pub(super) fn judged(
+    guard: &mut DriveGuard,
+    order: Order,
+    facts: Facts,
+) -> Result<Verdict, Reason> {
+    let local = Origin {
+        owner: Owner::Local,
+        ..mqtt()
+    };
+    guard
+        .review(&command(local, order), &facts, NOW)
+        .map_err(|report| report.reason)
 }
 
 #[test]
 fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
     let mut with_door = model();
-    let ramp = with_door.registers.iter_mut().find(|register| register.address == 0x020E).unwrap();
+    let ramp = with_door
+        .registers
+        .iter_mut()
+        .find(|register| register.address == 0x020E)
+        .unwrap();
     ramp.back_door = Some("another way in".to_owned());
-    let ramp = with_door.registers.iter_mut().find(|register| register.address == 0x020C).unwrap();
+    let ramp = with_door
+        .registers
+        .iter_mut()
+        .find(|register| register.address == 0x020C)
+        .unwrap();
     ramp.range = Some(1..=30_000);
-    let everything = ControlSettings { native_write: (0..=u16::MAX).collect(), ..control() };
+    let everything = ControlSettings {
+        native_write: (0..=u16::MAX).collect(),
+        ..control()
+    };
     for (address, value, reason) in [
         (0x0002, 1, Reason::NotAllowed),
         (0x0002, 0, Reason::NotAllowed),
@@ -268,31 +437,98 @@ fn a_register_that_commands_is_no_parameter_even_if_it_is_listed() {
         (0x020C, 0, Reason::OutsideRange),
     ] {
         let mut guard = guard_of(with_door.clone(), everything.clone());
-        let told = reviewed(&mut guard, &command(mqtt(), register(address.into(), value)));
+        let told = reviewed(
+            &mut guard,
+            &command(mqtt(), register(address.into(), value)),
+        );
         assert_eq!(told, Err((Outcome::Refused, reason)), "{address:04X}");
     }
     let mut guard = guard_of(with_door.clone(), everything);
-    assert_eq!(reviewed(&mut guard, &command(mqtt(), register(0x020C_u16.into(), 100))), Ok(()));
-    let mut unlisted = guard_of(with_door, ControlSettings { native_write: Vec::new(), ..control() });
-    let told = reviewed(&mut unlisted, &command(mqtt(), register(0x020C_u16.into(), 100)));
+    assert_eq!(
+        reviewed(
+            &mut guard,
+            &command(mqtt(), register(0x020C_u16.into(), 100))
+        ),
+        Ok(())
+    );
+    let mut unlisted = guard_of(
+        with_door,
+        ControlSettings {
+            native_write: Vec::new(),
+            ..control()
+        },
+    );
+    let told = reviewed(
+        &mut unlisted,
+        &command(mqtt(), register(0x020C_u16.into(), 100)),
+    );
     assert_eq!(told, Err((Outcome::Refused, Reason::NotListed)));
 }
 
 #[test]
 fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
-    let moving = Facts { at_standstill: false, ..RESTING };
+    let moving = Facts {
+        at_standstill: false,
+        ..RESTING
+    };
     for (facts, runs, expected) in [
-        (Facts { tripped: Some(true), ..RESTING }, false, Ok(())),
-        (Facts { tripped: Some(true), ..moving }, false, Ok(())),
-        (Facts { tripped: None, ..RESTING }, false, Ok(())),
-        (Facts { tripped: None, ..RESTING }, true, Err(Reason::NotTripped)),
-        (Facts { tripped: None, ..moving }, false, Err(Reason::NotTripped)),
+        (
+            Facts {
+                tripped: Some(true),
+                ..RESTING
+            },
+            false,
+            Ok(()),
+        ),
+        (
+            Facts {
+                tripped: Some(true),
+                ..moving
+            },
+            false,
+            Ok(()),
+        ),
+        (
+            Facts {
+                tripped: None,
+                ..RESTING
+            },
+            false,
+            Ok(()),
+        ),
+        (
+            Facts {
+                tripped: None,
+                ..RESTING
+            },
+            true,
+            Err(Reason::NotTripped),
+        ),
+        (
+            Facts {
+                tripped: None,
+                ..moving
+            },
+            false,
+            Err(Reason::NotTripped),
+        ),
         (RESTING, false, Err(Reason::NotTripped)),
-        (Facts { tripped: Some(true), stop_pending: true, ..RESTING }, false, Err(Reason::StopPending)),
+        (
+            Facts {
+                tripped: Some(true),
+                stop_pending: true,
+                ..RESTING
+            },
+            false,
+            Err(Reason::StopPending),
+        ),
     ] {
         let mut guard = guard_of(model(), control());
         if runs {
-            let local = Origin { owner: Owner::Local, ..mqtt() };
+            let local = Origin {
+                owner: Owner::Local,
+                ..mqtt()
+            };
             reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
         }
         let told = judged(&mut guard, Order::Reset, facts).map(drop);
@@ -300,11 +536,20 @@ fn a_reset_goes_to_a_tripped_drive_or_to_one_that_stands_still_and_may_be() {
     }
     let mut guard = guard_of(model(), control());
     let cyclic = guard.review(&command(plc(1), Order::Reset), &RESTING, NOW);
-    assert!(matches!(cyclic, Ok(Verdict::Unchanged)), "a controller that holds the value: {cyclic:?}");
+    assert!(
+        matches!(cyclic, Ok(Verdict::Unchanged)),
+        "a controller that holds the value: {cyclic:?}"
+    );
     let late = command(mqtt(), Order::Reset);
-    let facts = Facts { tripped: Some(true), ..RESTING };
+    let facts = Facts {
+        tripped: Some(true),
+        ..RESTING
+    };
     let told = guard.review(&late, &facts, late.start_before).unwrap_err();
-    assert_eq!((told.outcome, told.reason), (Outcome::Expired, Reason::TooLate));
+    assert_eq!(
+        (told.outcome, told.reason),
+        (Outcome::Expired, Reason::TooLate)
+    );
 }
 
 #[test]
@@ -312,69 +557,165 @@ fn what_the_motor_obeys_changes_only_while_nothing_is_ordered_and_nothing_turns(
     let mut able = model();
     able.run.as_mut().unwrap().release = Some(fact(9));
     able.setup = setup();
-    let settings = ControlSettings { allow_release: true, ..control() };
+    let settings = ControlSettings {
+        allow_release: true,
+        ..control()
+    };
     let addresses = || Order::Setup(vec![0x0211_u16.into()]);
     for order in [Order::Release, addresses()] {
         for (facts, reason) in [
-            (Facts { at_standstill: false, ..RESTING }, Reason::Moving),
-            (Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
-            (Facts { is_offline: true, ..RESTING }, Reason::Offline),
-            (Facts { is_implausible: true, ..RESTING }, Reason::Implausible),
-            (Facts { line_is_up: false, ..RESTING }, Reason::LineDown),
+            (
+                Facts {
+                    at_standstill: false,
+                    ..RESTING
+                },
+                Reason::Moving,
+            ),
+            (
+                Facts {
+                    stop_pending: true,
+                    ..RESTING
+                },
+                Reason::StopPending,
+            ),
+            (
+                Facts {
+                    is_offline: true,
+                    ..RESTING
+                },
+                Reason::Offline,
+            ),
+            (
+                Facts {
+                    is_implausible: true,
+                    ..RESTING
+                },
+                Reason::Implausible,
+            ),
+            (
+                Facts {
+                    line_is_up: false,
+                    ..RESTING
+                },
+                Reason::LineDown,
+            ),
         ] {
-            let told = judged(&mut guard_of(able.clone(), settings.clone()), order.clone(), facts).map(drop);
+            let told = judged(
+                &mut guard_of(able.clone(), settings.clone()),
+                order.clone(),
+                facts,
+            )
+            .map(drop);
             assert_eq!(told, Err(reason), "{order:?}");
         }
         let mut guard = guard_of(able.clone(), settings.clone());
         judged(&mut guard, run(Direction::Forward), RESTING).unwrap();
         let told = judged(&mut guard, order.clone(), RESTING).map(drop);
-        assert_eq!(told, Err(Reason::Moving), "{order:?}: the order to run may not have reached the motor yet");
+        assert_eq!(
+            told,
+            Err(Reason::Moving),
+            "{order:?}: the order to run may not have reached the motor yet"
+        );
         let mut guard = guard_of(able.clone(), settings.clone());
-        assert!(matches!(judged(&mut guard, order, RESTING), Ok(Verdict::Go(_))));
+        assert!(matches!(
+            judged(&mut guard, order, RESTING),
+            Ok(Verdict::Go(_))
+        ));
     }
     let mut guard = guard_of(able.clone(), settings);
-    assert_eq!(judged(&mut guard, Order::Setup(Vec::new()), RESTING).map(drop), Err(Reason::NotUnderstood));
+    assert_eq!(
+        judged(&mut guard, Order::Setup(Vec::new()), RESTING).map(drop),
+        Err(Reason::NotUnderstood)
+    );
     for (origin, reason) in [(mqtt(), Reason::NotFromHere), (plc(1), Reason::NotFromHere)] {
         let told = reviewed(&mut guard, &command(origin, addresses()));
         assert_eq!(told, Err((Outcome::Refused, reason)));
     }
     let mut closed = guard_of(able, control());
-    assert_eq!(judged(&mut closed, Order::Release, RESTING).map(drop), Err(Reason::NoRelease));
+    assert_eq!(
+        judged(&mut closed, Order::Release, RESTING).map(drop),
+        Err(Reason::NoRelease)
+    );
 }
 
 #[test]
 fn anyone_who_is_signed_in_commands_where_the_drive_says_so() {
-    let by = |name| Origin { owner: Owner::Page(CommanderName::new(name).unwrap()), ..mqtt() };
+    let by = |name| Origin {
+        owner: Owner::Page(CommanderName::new(name).unwrap()),
+        ..mqtt()
+    };
     let anna = by("anna");
     let bob = by("bob");
-    let mut guard = guard_of(model(), ControlSettings { from_page: false, ..control() });
+    let mut guard = guard_of(
+        model(),
+        ControlSettings {
+            from_page: false,
+            ..control()
+        },
+    );
     for order in [run(Direction::Forward), STOP, Order::Renew] {
         let told = reviewed(&mut guard, &command(anna, order));
         assert_eq!(told, Err((Outcome::Refused, Reason::NotFromHere)));
     }
     // Retained messages of a broker do not matter here.
-    let mut guard = guard_of(model(), ControlSettings { strict: true, ..control() });
+    let mut guard = guard_of(
+        model(),
+        ControlSettings {
+            strict: true,
+            ..control()
+        },
+    );
     reviewed(&mut guard, &command(anna, run(Direction::Forward))).unwrap();
     let held = Some((anna.owner, NOW + Duration::from_secs(3)));
     guard.path_alive(Owner::Mqtt, NOW + Duration::from_secs(1));
     assert_eq!(guard.lease(), held, "only the page itself keeps it");
-    assert_eq!(reviewed(&mut guard, &command(bob, Order::Renew)), Err((Outcome::Refused, Reason::OtherOwner)));
-    assert!(matches!(guard.review(&command(bob, STOP), &RESTING, NOW), Ok(Verdict::Stop(_))), "whoever may, stops");
+    assert_eq!(
+        reviewed(&mut guard, &command(bob, Order::Renew)),
+        Err((Outcome::Refused, Reason::OtherOwner))
+    );
+    assert!(
+        matches!(
+            guard.review(&command(bob, STOP), &RESTING, NOW),
+            Ok(Verdict::Stop(_))
+        ),
+        "whoever may, stops"
+    );
     assert_eq!(guard.lease(), None);
     let told = reviewed(&mut guard, &command(bob, run(Direction::Forward)));
-    assert_eq!(told, Err((Outcome::Refused, Reason::RestartDelay)), "it may have been sent before the stop");
+    assert_eq!(
+        told,
+        Err((Outcome::Refused, Reason::RestartDelay)),
+        "it may have been sent before the stop"
+    );
 }
 
 #[test]
 fn on_a_bad_line_nothing_may_make_a_motor_faster() {
-    let bad = Facts { line_is_bad: true, ..RESTING };
-    let go = |hertz| Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(hertz)), None).unwrap());
+    let bad = Facts {
+        line_is_bad: true,
+        ..RESTING
+    };
+    let go =
+        |hertz| Order::Go(Go::new(Vec::new(), Some(Hertz::from_centihertz(hertz)), None).unwrap());
     let mut guard = guard_of(model(), control());
-    assert_eq!(judged(&mut guard, go(3000), bad).map(drop), Err(Reason::LineQuality), "none is in force");
+    assert_eq!(
+        judged(&mut guard, go(3000), bad).map(drop),
+        Err(Reason::LineQuality),
+        "none is in force"
+    );
     judged(&mut guard, go(3000), RESTING).map(drop).unwrap();
-    for (order, refused) in [(go(3100), true), (go(2900), false), (run(Direction::Forward), true), (STOP, false)] {
+    for (order, refused) in [
+        (go(3100), true),
+        (go(2900), false),
+        (run(Direction::Forward), true),
+        (STOP, false),
+    ] {
         let told = judged(&mut guard, order.clone(), bad).map(drop);
-        assert_eq!(told == Err(Reason::LineQuality), refused, "{order:?}: {told:?}");
+        assert_eq!(
+            told == Err(Reason::LineQuality),
+            refused,
+            "{order:?}: {told:?}"
+        );
         assert!(refused || told.is_ok(), "{order:?}: {told:?}");
     }
 }
@@ -383,12 +724,24 @@ fn on_a_bad_line_nothing_may_make_a_motor_faster() {
 fn a_release_ends_control_before_its_frame_goes() {
     let mut able = model();
     able.run.as_mut().unwrap().release = Some(fact(9));
-    let mut guard = guard_of(able, ControlSettings { allow_release: true, ..control() });
-    let local = Origin { owner: Owner::Local, ..mqtt() };
+    let mut guard = guard_of(
+        able,
+        ControlSettings {
+            allow_release: true,
+            ..control()
+        },
+    );
+    let local = Origin {
+        owner: Owner::Local,
+        ..mqtt()
+    };
     reviewed(&mut guard, &command(local, run(Direction::Forward))).unwrap();
     // A trip ends the order and keeps the lease.
     guard.inhibit(NOW);
     assert!(guard.lease().is_some());
-    assert!(matches!(judged(&mut guard, Order::Release, RESTING), Ok(Verdict::Go(_))));
+    assert!(matches!(
+        judged(&mut guard, Order::Release, RESTING),
+        Ok(Verdict::Go(_))
+    ));
     assert_eq!((guard.lease(), guard.is_start_inhibited()), (None, true));
 }

@@ -11,9 +11,13 @@ pub(super) fn settings(
     command: &CommandRequest,
     control: Arc<ControlSettings>,
 ) -> Result<Arc<ControlSettings>, Report> {
-    let Some(action) = command.trial else { return Ok(control) };
+    let Some(action) = command.trial else {
+        return Ok(control);
+    };
     // A motor that runs in a trial must stop when the person's command is killed.
-    let may = control.qualify && command.origin.owner == Owner::Local && control.on_commander_lost != FailSafe::Hold;
+    let may = control.qualify
+        && command.origin.owner == Owner::Local
+        && control.on_commander_lost != FailSafe::Hold;
     if !may {
         return Err(refused(Reason::NotAllowed));
     }
@@ -32,8 +36,12 @@ pub(super) fn settings(
 /// Whether `order` is what a trial of `action` consists of.
 fn is_of(action: ControlAction, order: &Order) -> bool {
     match (action, order) {
-        (ControlAction::Basic, Order::Go(go)) => go.registers().is_empty() && go.run() != Some(Direction::Reverse),
-        (ControlAction::Reverse, Order::Go(go)) => go.registers().is_empty() && go.run() == Some(Direction::Reverse),
+        (ControlAction::Basic, Order::Go(go)) => {
+            go.registers().is_empty() && go.run() != Some(Direction::Reverse)
+        }
+        (ControlAction::Reverse, Order::Go(go)) => {
+            go.registers().is_empty() && go.run() == Some(Direction::Reverse)
+        }
         (ControlAction::Coast, Order::Coast)
         | (ControlAction::Reset, Order::Reset)
         | (ControlAction::Release, Order::Release) => true,

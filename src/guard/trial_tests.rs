@@ -3,7 +3,8 @@
 use super::tests::{NOW, RESTING, STOP, command, guard_of, mqtt, plc, reviewed, run};
 use super::*;
 use crate::domain::command::{
-    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite, Rights,
+    CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, RegisterWrite,
+    Rights,
 };
 use crate::domain::control::{ControlAction, ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
@@ -11,7 +12,14 @@ use crate::drive::testing::{control, model};
 use crate::profile::model::{Confidence, Model};
 
 fn local() -> Origin {
-    Origin { owner: Owner::Local, rights: Rights { write: true, stop: true }, manner: Manner::Once }
+    Origin {
+        owner: Owner::Local,
+        rights: Rights {
+            write: true,
+            stop: true,
+        },
+        manner: Manner::Once,
+    }
 }
 
 fn unproven() -> Model {
@@ -38,28 +46,52 @@ fn settings() -> ControlSettings {
 }
 
 fn trial(origin: Origin, order: Order, action: ControlAction) -> CommandRequest {
-    CommandRequest { trial: Some(action), epoch: None, ..command(origin, order) }
+    CommandRequest {
+        trial: Some(action),
+        epoch: None,
+        ..command(origin, order)
+    }
 }
 
-const REFUSED: fn(Reason) -> Result<(), (Outcome, Reason)> = |reason| Err((Outcome::Refused, reason));
+const REFUSED: fn(Reason) -> Result<(), (Outcome, Reason)> =
+    |reason| Err((Outcome::Refused, reason));
 
 #[test]
 fn only_the_local_socket_may_try_and_only_while_the_drive_is_qualified() {
     let forward = || run(Direction::Forward);
     for origin in [mqtt(), plc(1)] {
-        let tried = reviewed(&mut guard_of(unproven(), settings()), &trial(origin, forward(), ControlAction::Basic));
+        let tried = reviewed(
+            &mut guard_of(unproven(), settings()),
+            &trial(origin, forward(), ControlAction::Basic),
+        );
         assert_eq!(tried, REFUSED(Reason::NotAllowed), "{origin:?}");
     }
     for settings in [
-        ControlSettings { qualify: false, ..settings() },
-        ControlSettings { on_commander_lost: FailSafe::Hold, ..settings() },
+        ControlSettings {
+            qualify: false,
+            ..settings()
+        },
+        ControlSettings {
+            on_commander_lost: FailSafe::Hold,
+            ..settings()
+        },
     ] {
-        let tried = reviewed(&mut guard_of(unproven(), settings), &trial(local(), forward(), ControlAction::Basic));
+        let tried = reviewed(
+            &mut guard_of(unproven(), settings),
+            &trial(local(), forward(), ControlAction::Basic),
+        );
         assert_eq!(tried, REFUSED(Reason::NotAllowed));
     }
     let mut guard = guard_of(unproven(), settings());
-    assert_eq!(reviewed(&mut guard, &trial(local(), forward(), ControlAction::Basic)), Ok(()));
-    assert_eq!(guard.lease().map(|(owner, until)| (owner, until > NOW)), Some((Owner::Local, true)), "it is leased");
+    assert_eq!(
+        reviewed(&mut guard, &trial(local(), forward(), ControlAction::Basic)),
+        Ok(())
+    );
+    assert_eq!(
+        guard.lease().map(|(owner, until)| (owner, until > NOW)),
+        Some((Owner::Local, true)),
+        "it is leased"
+    );
 }
 
 #[test]
@@ -79,41 +111,123 @@ fn a_mark_is_for_one_action_and_one_command() {
             "{order:?}"
         );
     }
-    assert_eq!(reviewed(&mut guard, &trial(local(), Order::Coast, ControlAction::Coast)), Ok(()));
-    assert_eq!(reviewed(&mut guard, &command(local(), Order::Coast)), REFUSED(Reason::Unverified), "the next has none");
-    assert_eq!(reviewed(&mut guard, &command(local(), STOP)), Ok(()), "a stop needs none");
+    assert_eq!(
+        reviewed(
+            &mut guard,
+            &trial(local(), Order::Coast, ControlAction::Coast)
+        ),
+        Ok(())
+    );
+    assert_eq!(
+        reviewed(&mut guard, &command(local(), Order::Coast)),
+        REFUSED(Reason::Unverified),
+        "the next has none"
+    );
+    assert_eq!(
+        reviewed(&mut guard, &command(local(), STOP)),
+        Ok(()),
+        "a stop needs none"
+    );
     let writes = vec![RegisterWrite::new(1_u16, 1)];
     let beside = Order::Go(Go::new(writes, None, Some(Direction::Forward)).unwrap());
-    let tried = reviewed(&mut guard_of(unproven(), settings()), &trial(local(), beside, ControlAction::Basic));
-    assert_eq!(tried, REFUSED(Reason::Conflict), "nothing else is written beside it");
+    let tried = reviewed(
+        &mut guard_of(unproven(), settings()),
+        &trial(local(), beside, ControlAction::Basic),
+    );
+    assert_eq!(
+        tried,
+        REFUSED(Reason::Conflict),
+        "nothing else is written beside it"
+    );
 }
 
 #[test]
 fn everything_else_holds_in_a_trial() {
-    let fast =
-        Order::Go(Go::new(Vec::new(), Some(Hertz::from_millihertz(9_000_000)), Some(Direction::Forward)).unwrap());
+    let fast = Order::Go(
+        Go::new(
+            Vec::new(),
+            Some(Hertz::from_millihertz(9_000_000)),
+            Some(Direction::Forward),
+        )
+        .unwrap(),
+    );
     let tried = |settings: ControlSettings, order: &Order, action, facts: &Facts| {
         let mut guard = guard_of(unproven(), settings);
-        guard.review(&trial(local(), order.clone(), action), facts, NOW).map(drop).map_err(|report| report.reason)
+        guard
+            .review(&trial(local(), order.clone(), action), facts, NOW)
+            .map(drop)
+            .map_err(|report| report.reason)
     };
     let forward = run(Direction::Forward);
     let reverse = run(Direction::Reverse);
     let (basic, back) = (ControlAction::Basic, ControlAction::Reverse);
     assert_eq!(tried(settings(), &reverse, back, &RESTING), Ok(()));
-    let forward_only = ControlSettings { directions: vec![Direction::Forward], ..settings() };
-    assert_eq!(tried(forward_only, &reverse, back, &RESTING), Err(Reason::DirectionNotAllowed));
-    assert_eq!(tried(settings(), &fast, basic, &RESTING), Err(Reason::OutsideLimits));
+    let forward_only = ControlSettings {
+        directions: vec![Direction::Forward],
+        ..settings()
+    };
+    assert_eq!(
+        tried(forward_only, &reverse, back, &RESTING),
+        Err(Reason::DirectionNotAllowed)
+    );
+    assert_eq!(
+        tried(settings(), &fast, basic, &RESTING),
+        Err(Reason::OutsideLimits)
+    );
     for (facts, reason) in [
-        (Facts { line_is_up: false, ..RESTING }, Reason::LineDown),
-        (Facts { line_is_bad: true, ..RESTING }, Reason::LineQuality),
-        (Facts { is_offline: true, ..RESTING }, Reason::Offline),
-        (Facts { stop_pending: true, ..RESTING }, Reason::StopPending),
-        (Facts { tripped: Some(true), ..RESTING }, Reason::Tripped),
-        (Facts { stop_refused: true, ..RESTING }, Reason::StopRefused),
+        (
+            Facts {
+                line_is_up: false,
+                ..RESTING
+            },
+            Reason::LineDown,
+        ),
+        (
+            Facts {
+                line_is_bad: true,
+                ..RESTING
+            },
+            Reason::LineQuality,
+        ),
+        (
+            Facts {
+                is_offline: true,
+                ..RESTING
+            },
+            Reason::Offline,
+        ),
+        (
+            Facts {
+                stop_pending: true,
+                ..RESTING
+            },
+            Reason::StopPending,
+        ),
+        (
+            Facts {
+                tripped: Some(true),
+                ..RESTING
+            },
+            Reason::Tripped,
+        ),
+        (
+            Facts {
+                stop_refused: true,
+                ..RESTING
+            },
+            Reason::StopRefused,
+        ),
     ] {
-        assert_eq!(tried(settings(), &forward, basic, &facts), Err(reason), "{facts:?}");
+        assert_eq!(
+            tried(settings(), &forward, basic, &facts),
+            Err(reason),
+            "{facts:?}"
+        );
     }
     let mut held = guard_of(unproven(), settings());
     held.take_lease(Owner::Mqtt, NOW);
-    assert_eq!(reviewed(&mut held, &trial(local(), forward, basic)), REFUSED(Reason::OtherOwner));
+    assert_eq!(
+        reviewed(&mut held, &trial(local(), forward, basic)),
+        REFUSED(Reason::OtherOwner)
+    );
 }

@@ -93,10 +93,17 @@ impl Audit {
 
     /// Records the outcome of the attempt at `place`.
     pub fn end(&mut self, now: MonoTime, place: AttemptKey, report: Report) {
-        let Some(record) = self.open.remove(&place) else { return };
-        let record = Record { report: Some(report), ..record };
+        let Some(record) = self.open.remove(&place) else {
+            return;
+        };
+        let record = Record {
+            report: Some(report),
+            ..record
+        };
         let kept = u64::from(record.number <= self.kept);
-        let Some(key) = Key::of(&record) else { return self.put(record, kept, None) };
+        let Some(key) = Key::of(&record) else {
+            return self.put(record, kept, None);
+        };
         match self.merges.join(&key, &record, now) {
             Some((shared, shared_kept)) => {
                 self.remove(record.number, kept > 0);
@@ -128,7 +135,18 @@ impl Audit {
         let number = record.number;
         let is_stop = record.is_stop;
         let change = Change::Put(record);
-        if self.waiting.insert(number, Waiting { change, kept, place }).is_none() {
+        if self
+            .waiting
+            .insert(
+                number,
+                Waiting {
+                    change,
+                    kept,
+                    place,
+                },
+            )
+            .is_none()
+        {
             self.stops_waiting += usize::from(is_stop);
         }
         while self.waiting.len() > WAITING_MAX {
@@ -138,7 +156,14 @@ impl Audit {
 
     fn remove(&mut self, number: u64, is_in_journal: bool) {
         if is_in_journal {
-            self.waiting.insert(number, Waiting { change: Change::Remove, kept: 0, place: None });
+            self.waiting.insert(
+                number,
+                Waiting {
+                    change: Change::Remove,
+                    kept: 0,
+                    place: None,
+                },
+            );
         } else {
             self.waiting.remove(&number);
         }
@@ -150,9 +175,15 @@ impl Audit {
             Change::Put(record) => self.stops_waiting > STOPS_MAX || !record.is_stop,
             Change::Remove => false,
         };
-        let number = self.waiting.iter().find(|(_, waiting)| may_go(waiting)).map(|(number, _)| *number);
+        let number = self
+            .waiting
+            .iter()
+            .find(|(_, waiting)| may_go(waiting))
+            .map(|(number, _)| *number);
         let number = number.or_else(|| self.waiting.keys().next().copied());
-        let Some(gone) = number.and_then(|number| self.waiting.remove(&number)) else { return };
+        let Some(gone) = number.and_then(|number| self.waiting.remove(&number)) else {
+            return;
+        };
         if let Change::Put(record) = gone.change {
             self.stops_waiting -= usize::from(record.is_stop).min(self.stops_waiting);
             let count = record.count.saturating_sub(gone.kept);
@@ -186,7 +217,9 @@ impl Audit {
 
     /// The changes to be written, by row number.
     pub fn waiting(&self) -> impl Iterator<Item = (u64, &Change)> {
-        self.waiting.iter().map(|(number, waiting)| (*number, &waiting.change))
+        self.waiting
+            .iter()
+            .map(|(number, waiting)| (*number, &waiting.change))
     }
 
     /// The number of rows waiting to be written.

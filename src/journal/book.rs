@@ -64,11 +64,21 @@ impl Book {
     /// An empty book, with the remembered state of the drives.
     #[must_use]
     pub fn new(memory: BTreeMap<Name, Remembered>) -> Self {
-        Self { memory, ..Self::default() }
+        Self {
+            memory,
+            ..Self::default()
+        }
     }
 
     /// Takes an entry of the line `source` about `drive`.
-    pub fn take(&mut self, source: u64, drive: &DriveDescription, at: MonoTime, entry: Entry, label: &Label<'_>) {
+    pub fn take(
+        &mut self,
+        source: u64,
+        drive: &DriveDescription,
+        at: MonoTime,
+        entry: Entry,
+        label: &Label<'_>,
+    ) {
         let moment = label(at);
         let entry = entry.dated(label);
         let lease_before = self.remember(&drive.name, at, moment, &entry);
@@ -76,32 +86,61 @@ impl Book {
             Entry::Attempt(attempt) => self.attempt(source, Some(&drive.name), at, &attempt, label),
             Entry::Ended { attempt, report } => self.audit.end(at, (source, attempt), report),
             Entry::Trip(event, _) => self.trip(drive, &event, label),
-            Entry::FailSafe { owner, action, cause } => {
+            Entry::FailSafe {
+                owner,
+                action,
+                cause,
+            } => {
                 let due = FailSafeRun::due(action, cause, at);
-                self.audit.add(at, Record::of_failsafe(moment, &drive.name, owner, due), None);
+                self.audit.add(
+                    at,
+                    Record::of_failsafe(moment, &drive.name, owner, due),
+                    None,
+                );
             }
             Entry::FailSafeCame(run) => {
-                self.audit.add(at, Record::of_failsafe(moment, &drive.name, None, run), None);
+                self.audit.add(
+                    at,
+                    Record::of_failsafe(moment, &drive.name, None, run),
+                    None,
+                );
             }
-            Entry::StopOver { is_effective: false } => {
-                self.audit.add(at, Record::of_stop_given_up(moment, &drive.name), None);
+            Entry::StopOver {
+                is_effective: false,
+            } => {
+                self.audit
+                    .add(at, Record::of_stop_given_up(moment, &drive.name), None);
             }
             Entry::Presence(presence) => {
-                row::presence(moment, drive.name.as_str(), presence).into_iter().for_each(|row| self.note(row));
+                row::presence(moment, drive.name.as_str(), presence)
+                    .into_iter()
+                    .for_each(|row| self.note(row));
             }
             Entry::Lease(owner) => {
                 if let Some((owner, change)) = LeaseChange::of(lease_before, owner) {
-                    self.audit.add(at, Record::of_lease(moment, &drive.name, owner, change), None);
+                    self.audit.add(
+                        at,
+                        Record::of_lease(moment, &drive.name, owner, change),
+                        None,
+                    );
                 }
             }
             Entry::OutOfSight { last_seen } => {
-                self.audit.add(at, Record::of_out_of_sight(moment, &drive.name, last_seen), None);
+                self.audit.add(
+                    at,
+                    Record::of_out_of_sight(moment, &drive.name, last_seen),
+                    None,
+                );
             }
-            Entry::InSight { confirmed_by: Some(owner) } => {
-                self.audit.add(at, Record::of_standstill(moment, &drive.name, owner), None);
+            Entry::InSight {
+                confirmed_by: Some(owner),
+            } => {
+                self.audit
+                    .add(at, Record::of_standstill(moment, &drive.name, owner), None);
             }
             Entry::UsageReset { owner } => {
-                self.audit.add(at, Record::of_usage_reset(moment, &drive.name, owner), None);
+                self.audit
+                    .add(at, Record::of_usage_reset(moment, &drive.name, owner), None);
             }
             Entry::InSight { confirmed_by: None }
             | Entry::Baseline(_)
@@ -113,9 +152,17 @@ impl Book {
     }
 
     /// Takes an attempt of `source`: a line, or a north interface that refused it.
-    pub fn attempt(&mut self, source: u64, name: Option<&Name>, at: MonoTime, attempt: &Attempt, label: &Label<'_>) {
+    pub fn attempt(
+        &mut self,
+        source: u64,
+        name: Option<&Name>,
+        at: MonoTime,
+        attempt: &Attempt,
+        label: &Label<'_>,
+    ) {
         let place = attempt.report.is_none().then_some((source, attempt.id));
-        self.audit.add(at, Record::of_attempt(label(at), name, attempt), place);
+        self.audit
+            .add(at, Record::of_attempt(label(at), name, attempt), place);
     }
 
     fn trip(&mut self, drive: &DriveDescription, event: &TripEvent, label: &Label<'_>) {
@@ -124,7 +171,12 @@ impl Book {
             body.insert("running_hours".to_owned(), self.running_hours(drive).into());
         }
         let kind = trip::kind(&event.kind);
-        self.events.push_back(NewEvent { drive: drive.name.clone(), at: label(event.at), kind, body });
+        self.events.push_back(NewEvent {
+            drive: drive.name.clone(),
+            at: label(event.at),
+            kind,
+            body,
+        });
         if self.events.len() > EVENTS_MAX {
             self.events.pop_front();
             self.lost += 1;
@@ -134,7 +186,10 @@ impl Book {
     /// How long the motor of `drive` has run; `None` if that is not known.
     fn running_hours(&self, drive: &DriveDescription) -> Option<f64> {
         let totals = self.memory.get(&drive.name)?.usage.totals;
-        let usage = UsageView { parts: UsageParts::of(&drive.model), totals };
+        let usage = UsageView {
+            parts: UsageParts::of(&drive.model),
+            totals,
+        };
         usage.value(UsagePart::RunningHours).map(Decimal::value)
     }
 
@@ -148,14 +203,27 @@ impl Book {
     }
 
     /// Updates the remembered state; returns the lease remembered before.
-    fn remember(&mut self, name: &Name, at: MonoTime, moment: WallTime, entry: &Entry) -> Option<RememberedLease> {
+    fn remember(
+        &mut self,
+        name: &Name,
+        at: MonoTime,
+        moment: WallTime,
+        entry: &Entry,
+    ) -> Option<RememberedLease> {
         self.forgotten.remove(name);
         let memory = self.memory.entry(name.clone()).or_default();
         let before = *memory;
         memory.take(entry);
         if let Entry::Usage(usage) = entry {
             let totals = usage.totals.since(&before.usage.totals);
-            self.days.add(name, Day::of(moment), DayUsage { totals, energy_from: usage.energy_from });
+            self.days.add(
+                name,
+                Day::of(moment),
+                DayUsage {
+                    totals,
+                    energy_from: usage.energy_from,
+                },
+            );
             self.used.insert(name.clone());
             self.used_since.get_or_insert(at);
         } else if *memory != before {
@@ -210,7 +278,9 @@ impl Book {
 
     /// The memory to be written, by drive name.
     pub fn memory(&self) -> impl Iterator<Item = (&Name, &Remembered)> {
-        self.touched.union(&self.used).filter_map(|name| self.memory.get_key_value(name))
+        self.touched
+            .union(&self.used)
+            .filter_map(|name| self.memory.get_key_value(name))
     }
 
     /// Waiting trip events, oldest first.
@@ -244,7 +314,10 @@ impl Book {
 
     /// Takes the counts of what could not be stored since the last call.
     pub fn take_lost(&mut self) -> Lost {
-        let mut lost = Lost { others: std::mem::take(&mut self.lost), ..Lost::default() };
+        let mut lost = Lost {
+            others: std::mem::take(&mut self.lost),
+            ..Lost::default()
+        };
         lost += self.audit.take_lost();
         lost
     }

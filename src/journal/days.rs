@@ -30,7 +30,9 @@ impl Day {
     /// When it begins.
     #[must_use]
     pub fn begin(self) -> WallTime {
-        WallTime { unix_ms: i64::from(self.0) * DAY_MS }
+        WallTime {
+            unix_ms: i64::from(self.0) * DAY_MS,
+        }
     }
 }
 
@@ -75,7 +77,8 @@ impl Days {
     /// What waits and was not compared with the file yet.
     #[must_use]
     pub fn unread(&self) -> Vec<(Name, Day)> {
-        let is_unread = |key: &&(Name, Day)| self.sums.get(key).is_some_and(|sum| sum.before.is_none());
+        let is_unread =
+            |key: &&(Name, Day)| self.sums.get(key).is_some_and(|sum| sum.before.is_none());
         self.touched.iter().filter(is_unread).cloned().collect()
     }
 
@@ -92,7 +95,14 @@ impl Days {
             let sum = self.sums.get(key)?;
             let mut totals = sum.before.unwrap_or_default();
             totals += sum.since.totals;
-            Some((&key.0, key.1, DayUsage { totals, ..sum.since }))
+            Some((
+                &key.0,
+                key.1,
+                DayUsage {
+                    totals,
+                    ..sum.since
+                },
+            ))
         })
     }
 
@@ -105,7 +115,8 @@ impl Days {
     /// Everything has been written. Days that have passed are read again if the clock goes back to them.
     pub fn written(&mut self) {
         for (_, day) in std::mem::take(&mut self.touched) {
-            self.sums.retain(|(_, it), _| it.0.abs_diff(day.0) < REMEMBERED_DAYS.unsigned_abs());
+            self.sums
+                .retain(|(_, it), _| it.0.abs_diff(day.0) < REMEMBERED_DAYS.unsigned_abs());
         }
     }
 
@@ -133,7 +144,10 @@ pub fn from_row(name: &str, day: Day, body: &str, crc: u32) -> Option<DayUsage> 
     }
     let body: Value = serde_json::from_str(body).ok()?;
     let energy_from = body["energy_from"].as_str().and_then(EnergySource::named);
-    Some(DayUsage { totals: totals(&body), energy_from })
+    Some(DayUsage {
+        totals: totals(&body),
+        energy_from,
+    })
 }
 
 #[cfg(test)]
@@ -141,18 +155,28 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    const HOUR: UsageTotals = UsageTotals { energy_mj: 36, running: Duration::from_secs(3600), starts: 1, trips: 0 };
+    const HOUR: UsageTotals = UsageTotals {
+        energy_mj: 36,
+        running: Duration::from_secs(3600),
+        starts: 1,
+        trips: 0,
+    };
 
     fn pump() -> Name {
         Name::new("pump-1").unwrap()
     }
 
     fn waiting(days: &Days) -> Vec<(Day, u64)> {
-        days.waiting().map(|(_, day, usage)| (day, usage.totals.energy_mj)).collect()
+        days.waiting()
+            .map(|(_, day, usage)| (day, usage.totals.energy_mj))
+            .collect()
     }
 
     fn used() -> DayUsage {
-        DayUsage { totals: HOUR, energy_from: Some(EnergySource::Power) }
+        DayUsage {
+            totals: HOUR,
+            energy_from: Some(EnergySource::Power),
+        }
     }
 
     #[test]
@@ -162,12 +186,29 @@ mod tests {
         assert_eq!(days.count(), 0, "nothing was used");
         days.add(&pump(), Day(3), used());
         assert_eq!(days.unread(), [(pump(), Day(3))]);
-        days.read(&(pump(), Day(3)), UsageTotals { energy_mj: 100, ..UsageTotals::default() });
-        assert_eq!((days.unread().len(), waiting(&days)), (0, vec![(Day(3), 136)]));
-        assert_eq!(waiting(&days), [(Day(3), 136)], "a write that is repeated changes nothing");
+        days.read(
+            &(pump(), Day(3)),
+            UsageTotals {
+                energy_mj: 100,
+                ..UsageTotals::default()
+            },
+        );
+        assert_eq!(
+            (days.unread().len(), waiting(&days)),
+            (0, vec![(Day(3), 136)])
+        );
+        assert_eq!(
+            waiting(&days),
+            [(Day(3), 136)],
+            "a write that is repeated changes nothing"
+        );
         days.written();
         days.add(&pump(), Day(3), used());
-        assert_eq!((days.unread().len(), waiting(&days)), (0, vec![(Day(3), 172)]), "the file is not read again");
+        assert_eq!(
+            (days.unread().len(), waiting(&days)),
+            (0, vec![(Day(3), 172)]),
+            "the file is not read again"
+        );
         days.written();
         days.touch_all();
         assert_eq!(waiting(&days), [(Day(3), 172)], "into a new file");
@@ -179,17 +220,33 @@ mod tests {
         for day in [Day(20_000), Day(0), Day(20_000)] {
             days.add(&pump(), day, used());
             for key in days.unread() {
-                days.read(&key, UsageTotals { energy_mj: 1000, ..UsageTotals::default() });
+                days.read(
+                    &key,
+                    UsageTotals {
+                        energy_mj: 1000,
+                        ..UsageTotals::default()
+                    },
+                );
             }
             assert_eq!(waiting(&days), [(day, 1036)]);
             days.written();
         }
-        assert_eq!(days.sums.len(), 1, "what is far from the newest day is not remembered");
+        assert_eq!(
+            days.sums.len(),
+            1,
+            "what is far from the newest day is not remembered"
+        );
     }
 
     #[test]
     fn days_are_those_of_utc() {
-        for (unix_ms, day) in [(0, 0), (DAY_MS - 1, 0), (DAY_MS, 1), (-1, -1), (i64::MAX, i32::MAX)] {
+        for (unix_ms, day) in [
+            (0, 0),
+            (DAY_MS - 1, 0),
+            (DAY_MS, 1),
+            (-1, -1),
+            (i64::MAX, i32::MAX),
+        ] {
             assert_eq!(Day::of(WallTime { unix_ms }), Day(day), "{unix_ms}");
         }
         assert_eq!(Day(1).begin().unix_ms, DAY_MS);
@@ -199,8 +256,16 @@ mod tests {
     fn what_is_stored_is_read_back_and_damage_shows() {
         let (body, crc) = to_row("pump-1", Day(7), &used());
         assert_eq!(from_row("pump-1", Day(7), &body, crc), Some(used()));
-        for (name, day, body) in [("pump-2", 7, body.clone()), ("pump-1", 8, body.clone()), ("pump-1", 7, body + " ")] {
-            assert_eq!(from_row(name, Day(day), &body, crc), None, "{name} {day} {body}");
+        for (name, day, body) in [
+            ("pump-2", 7, body.clone()),
+            ("pump-1", 8, body.clone()),
+            ("pump-1", 7, body + " "),
+        ] {
+            assert_eq!(
+                from_row(name, Day(day), &body, crc),
+                None,
+                "{name} {day} {body}"
+            );
         }
     }
 }

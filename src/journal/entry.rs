@@ -106,11 +106,16 @@ impl Entry {
     #[must_use]
     pub fn dated(self, label: impl Fn(MonoTime) -> WallTime) -> Self {
         let date = |seen: LastSeen| match seen.at {
-            SeenAt::Here(at) => LastSeen { at: SeenAt::Before(label(at)), ..seen },
+            SeenAt::Here(at) => LastSeen {
+                at: SeenAt::Before(label(at)),
+                ..seen
+            },
             SeenAt::Before(_) => seen,
         };
         match self {
-            Self::OutOfSight { last_seen } => Self::OutOfSight { last_seen: last_seen.map(date) },
+            Self::OutOfSight { last_seen } => Self::OutOfSight {
+                last_seen: last_seen.map(date),
+            },
             other => other,
         }
     }

@@ -24,11 +24,16 @@ impl Remembered {
             }
             Entry::Baseline(baseline) => self.trips = Some(*baseline),
             Entry::Lease(owner) => {
-                self.lease = owner.map(|owner| RememberedLease { owner, was_orphaned: false });
+                self.lease = owner.map(|owner| RememberedLease {
+                    owner,
+                    was_orphaned: false,
+                });
             }
             Entry::StopPending { coast } => self.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => self.stop = None,
-            Entry::OutOfSight { last_seen } => (self.may_still_run, self.last_seen) = (true, *last_seen),
+            Entry::OutOfSight { last_seen } => {
+                (self.may_still_run, self.last_seen) = (true, *last_seen)
+            }
             Entry::InSight { .. } => (self.may_still_run, self.last_seen) = (false, None),
             Entry::ResetWord { may_stand } => self.reset = *may_stand,
             Entry::Usage(usage) => self.usage = *usage,
@@ -70,11 +75,16 @@ impl Remembered {
         let trips = |it: &Value| TripBaseline {
             count: word(&it["count"]),
             held: it["held"].as_bool(),
-            code: it["code"].as_u64().and_then(|code| u32::try_from(code).ok()),
+            code: it["code"]
+                .as_u64()
+                .and_then(|code| u32::try_from(code).ok()),
         };
         let lease = |it: &Value| {
             let owner = words::owner(it["owner"].as_str()?)?;
-            Some(RememberedLease { owner, was_orphaned: it["was_orphaned"].as_bool()? })
+            Some(RememberedLease {
+                owner,
+                was_orphaned: it["was_orphaned"].as_bool()?,
+            })
         };
         let trips_total = u32::try_from(value["trips_total"].as_u64()?).ok()?;
         let usage = |it: &Value| KeptUsage {
@@ -84,8 +94,14 @@ impl Remembered {
             energy_from: it["energy_from"].as_str().and_then(EnergySource::named),
         };
         // Earlier versions summed up trips only.
-        let seen = UsageTotals { trips: trips_total, ..UsageTotals::default() };
-        let trips_only = KeptUsage { totals: seen, ..KeptUsage::default() };
+        let seen = UsageTotals {
+            trips: trips_total,
+            ..UsageTotals::default()
+        };
+        let trips_only = KeptUsage {
+            totals: seen,
+            ..KeptUsage::default()
+        };
         let there = |key: &str| Some(&value[key]).filter(|it| !it.is_null());
         Some(Self {
             trips: there("trips").map(trips),
@@ -95,7 +111,9 @@ impl Remembered {
                 Some(written) => Some(lease(written)?),
                 None => None,
             },
-            stop: there("stop").map(|stop| RememberedStop { coast: stop == "coast" }),
+            stop: there("stop").map(|stop| RememberedStop {
+                coast: stop == "coast",
+            }),
             // Earlier versions did not write it.
             reset: value["reset"].as_bool().unwrap_or(false),
             may_still_run: value["may_still_run"].as_bool().unwrap_or(false),
@@ -107,7 +125,9 @@ impl Remembered {
 
 /// The JSON form of what was last seen, which outlives the process only by its wall clock time.
 fn seen_to_json(seen: LastSeen) -> Option<Value> {
-    let SeenAt::Before(at) = seen.at else { return None };
+    let SeenAt::Before(at) = seen.at else {
+        return None;
+    };
     Some(json!({
         "run_state": seen.run_state.word(),
         "millihertz": seen.output.map(Hertz::millihertz),
@@ -120,7 +140,9 @@ fn last_seen(of: &Value) -> Option<LastSeen> {
     Some(LastSeen {
         run_state: RunState::named(of["run_state"].as_str()?)?,
         output: millihertz(&of["millihertz"]),
-        at: SeenAt::Before(WallTime { unix_ms: of["unix_ms"].as_i64()? }),
+        at: SeenAt::Before(WallTime {
+            unix_ms: of["unix_ms"].as_i64()?,
+        }),
     })
 }
 
@@ -157,9 +179,16 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let lease = RememberedLease { owner: Owner::ModbusTcp("10.0.0.7".parse().unwrap()), was_orphaned: true };
+        let lease = RememberedLease {
+            owner: Owner::ModbusTcp("10.0.0.7".parse().unwrap()),
+            was_orphaned: true,
+        };
         let whole = Remembered {
-            trips: Some(TripBaseline { count: Some(65_535), held: Some(false), code: None }),
+            trips: Some(TripBaseline {
+                count: Some(65_535),
+                held: Some(false),
+                code: None,
+            }),
             trips_total: u32::MAX,
             last_code: Some(12),
             lease: Some(lease),
@@ -168,7 +197,9 @@ mod tests {
             last_seen: Some(LastSeen {
                 run_state: RunState::Reverse,
                 output: Some(Hertz::from_millihertz(42_505)),
-                at: SeenAt::Before(WallTime { unix_ms: 1_700_000_000_123 }),
+                at: SeenAt::Before(WallTime {
+                    unix_ms: 1_700_000_000_123,
+                }),
             }),
             reset: true,
             usage: KeptUsage {
@@ -184,11 +215,27 @@ mod tests {
             },
         };
         let stop = Some(RememberedStop { coast: false });
-        for memory in [Remembered::default(), whole, Remembered { stop, ..Remembered::default() }] {
+        for memory in [
+            Remembered::default(),
+            whole,
+            Remembered {
+                stop,
+                ..Remembered::default()
+            },
+        ] {
             assert_eq!(Remembered::from_json(&memory.to_json()), Some(memory));
         }
-        assert_eq!(Remembered::from_json("{\"trips_total\":0}"), Some(Remembered::default()), "of an earlier version");
-        for text in ["", "{}", "{\"trips_total\":-1}", "{\"trips_total\":0,\"lease\":{\"owner\":\"x\"}}"] {
+        assert_eq!(
+            Remembered::from_json("{\"trips_total\":0}"),
+            Some(Remembered::default()),
+            "of an earlier version"
+        );
+        for text in [
+            "",
+            "{}",
+            "{\"trips_total\":-1}",
+            "{\"trips_total\":0,\"lease\":{\"owner\":\"x\"}}",
+        ] {
             assert_eq!(Remembered::from_json(text), None, "{text}");
         }
     }
@@ -196,21 +243,53 @@ mod tests {
     #[test]
     fn entries_change_it() {
         let mut memory = Remembered::default();
-        let baseline = TripBaseline { count: Some(7), held: Some(true), code: Some(0x8000_0003) };
-        let record = TripRecord { at: MonoTime::ZERO, code: Some(3), words: Vec::new() };
-        let event = |kind| TripEvent { kind, count: Some(7), at: MonoTime::ZERO, while_away: false };
-        memory.take(&Entry::Trip(event(TripEventKind::Tripped { trips: 2, record }), baseline));
-        memory.take(&Entry::Trip(event(TripEventKind::Cleared), TripBaseline { held: Some(false), ..baseline }));
+        let baseline = TripBaseline {
+            count: Some(7),
+            held: Some(true),
+            code: Some(0x8000_0003),
+        };
+        let record = TripRecord {
+            at: MonoTime::ZERO,
+            code: Some(3),
+            words: Vec::new(),
+        };
+        let event = |kind| TripEvent {
+            kind,
+            count: Some(7),
+            at: MonoTime::ZERO,
+            while_away: false,
+        };
+        memory.take(&Entry::Trip(
+            event(TripEventKind::Tripped { trips: 2, record }),
+            baseline,
+        ));
+        memory.take(&Entry::Trip(
+            event(TripEventKind::Cleared),
+            TripBaseline {
+                held: Some(false),
+                ..baseline
+            },
+        ));
         assert_eq!((memory.trips_total, memory.last_code), (2, Some(3)));
         assert_eq!(memory.trips.unwrap().held, Some(false));
         memory.take(&Entry::Lease(Some(Owner::Mqtt)));
         memory.take(&Entry::StopPending { coast: false });
-        assert_eq!(memory.lease, Some(RememberedLease { owner: Owner::Mqtt, was_orphaned: false }));
+        assert_eq!(
+            memory.lease,
+            Some(RememberedLease {
+                owner: Owner::Mqtt,
+                was_orphaned: false
+            })
+        );
         assert!(memory.stop.is_some());
         memory.take(&Entry::StopOver { is_effective: true });
         memory.take(&Entry::Lease(None));
         assert_eq!((memory.lease, memory.stop), (None, None));
-        let last_seen = Some(LastSeen { run_state: RunState::Forward, output: None, at: SeenAt::Here(MonoTime::ZERO) });
+        let last_seen = Some(LastSeen {
+            run_state: RunState::Forward,
+            output: None,
+            at: SeenAt::Here(MonoTime::ZERO),
+        });
         memory.take(&Entry::OutOfSight { last_seen });
         assert_eq!((memory.may_still_run, memory.last_seen), (true, last_seen));
         memory.take(&Entry::InSight { confirmed_by: None });

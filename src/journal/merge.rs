@@ -38,7 +38,11 @@ impl Key {
             Outcome::Superseded if record.is_setpoint => What::Superseded,
             _ => return None,
         };
-        Some(Self { name: record.name.clone(), by: record.by, what })
+        Some(Self {
+            name: record.name.clone(),
+            by: record.by,
+            what,
+        })
     }
 }
 
@@ -62,7 +66,10 @@ impl Merges {
     /// Adds `record` to a shared row; returns that and how much of its count is already stored. `None` if it needs a
     /// row of its own, see [`begin`](Self::begin).
     pub fn join(&mut self, key: &Key, record: &Record, now: MonoTime) -> Option<(Record, u64)> {
-        let share = self.shares.get_mut(key).filter(|share| now < share.since + SHARED_FOR)?;
+        let share = self
+            .shares
+            .get_mut(key)
+            .filter(|share| now < share.since + SHARED_FOR)?;
         share.record.count += record.count;
         // The newest setpoint; equal refusals have the same text.
         share.record.tried.clone_from(&record.tried);
@@ -71,13 +78,24 @@ impl Merges {
 
     /// Shares the row of `record` from now on.
     pub fn begin(&mut self, key: Key, record: Record, now: MonoTime) {
-        self.shares.insert(key.clone(), Share { since: now, record, kept: 0 });
+        self.shares.insert(
+            key.clone(),
+            Share {
+                since: now,
+                record,
+                kept: 0,
+            },
+        );
         self.order.push_back((now, key));
         while let Some((since, oldest)) = self.order.front() {
             if now < *since + SHARED_FOR && self.order.len() <= SHARES_MAX {
                 break;
             }
-            if self.shares.get(oldest).is_some_and(|share| share.since == *since) {
+            if self
+                .shares
+                .get(oldest)
+                .is_some_and(|share| share.since == *since)
+            {
                 self.shares.remove(oldest);
             }
             self.order.pop_front();
@@ -86,13 +104,18 @@ impl Merges {
 
     /// All rows have been stored as they are now.
     pub fn kept(&mut self) {
-        self.shares.values_mut().for_each(|share| share.kept = share.record.count);
+        self.shares
+            .values_mut()
+            .for_each(|share| share.kept = share.record.count);
     }
 
     /// The row of `record` is no longer shared.
     pub fn end(&mut self, record: &Record) {
         if let Some(key) = Key::of(record)
-            && self.shares.get(&key).is_some_and(|share| share.record.number == record.number)
+            && self
+                .shares
+                .get(&key)
+                .is_some_and(|share| share.record.number == record.number)
         {
             self.shares.remove(&key);
         }

@@ -49,11 +49,24 @@ pub const fn is_full(used: u64, most: u64) -> bool {
 #[must_use]
 pub fn cut(shares: [Share; 3], most: u64) -> Option<Cut> {
     let least = most / LEAST_PART / ROW_BYTES;
-    let in_order = || Table::ALL.into_iter().filter_map(|table| shares.into_iter().find(|share| share.table == table));
-    let above = in_order().find(|share| share.rows > least).map(|share| (share, least));
-    let (share, floor) = above.or_else(|| in_order().find(|share| share.rows > 0).map(|share| (share, 0)))?;
+    let in_order = || {
+        Table::ALL
+            .into_iter()
+            .filter_map(|table| shares.into_iter().find(|share| share.table == table))
+    };
+    let above = in_order()
+        .find(|share| share.rows > least)
+        .map(|share| (share, least));
+    let (share, floor) = above.or_else(|| {
+        in_order()
+            .find(|share| share.rows > 0)
+            .map(|share| (share, 0))
+    })?;
     let rows = (share.rows / 16).max(CUT_MIN).min(share.rows - floor);
-    Some(Cut { table: share.table, rows })
+    Some(Cut {
+        table: share.table,
+        rows,
+    })
 }
 
 #[cfg(test)]
@@ -63,7 +76,11 @@ mod tests {
     const MB: u64 = 1_000_000;
 
     fn shares(audit: u64, availability: u64, event: u64) -> [Share; 3] {
-        let rows = [(Table::Event, event), (Table::Audit, audit), (Table::Availability, availability)];
+        let rows = [
+            (Table::Event, event),
+            (Table::Audit, audit),
+            (Table::Availability, availability),
+        ];
         rows.map(|(table, rows)| Share { table, rows })
     }
 
@@ -71,9 +88,15 @@ mod tests {
     fn trips_are_kept_longest_and_nothing_is_pushed_out_whole() {
         let least = MB / 16 / 512;
         let table = [
-            (shares(100_000, 100_000, 100_000), Some((Table::Audit, 6250))),
+            (
+                shares(100_000, 100_000, 100_000),
+                Some((Table::Audit, 6250)),
+            ),
             (shares(least + 1, 100_000, 100_000), Some((Table::Audit, 1))),
-            (shares(least, 100_000, 100_000), Some((Table::Availability, 6250))),
+            (
+                shares(least, 100_000, 100_000),
+                Some((Table::Availability, 6250)),
+            ),
             (shares(least, least, 100_000), Some((Table::Event, 6250))),
             (shares(least, least, least + 70), Some((Table::Event, 64))),
             (shares(least, least, least), Some((Table::Audit, 64))),
@@ -93,7 +116,10 @@ mod tests {
         let mut now = shares(3_000, 70, 5_000);
         let mut cuts = 0;
         while let Some(cut) = super::cut(now, 1000 * MB) {
-            let share = now.iter_mut().find(|share| share.table == cut.table).unwrap();
+            let share = now
+                .iter_mut()
+                .find(|share| share.table == cut.table)
+                .unwrap();
             assert!(cut.rows > 0 && cut.rows <= share.rows);
             share.rows -= cut.rows;
             cuts += 1;

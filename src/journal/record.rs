@@ -77,7 +77,9 @@ impl LeaseChange {
         match (before, owner) {
             (None, Some(owner)) => Some((owner, Self::Opened)),
             (Some(before), None) => Some((before.owner, Self::Ended)),
-            (Some(before), Some(owner)) if before.owner != owner => Some((owner, Self::TakenOver(before.owner))),
+            (Some(before), Some(owner)) if before.owner != owner => {
+                Some((owner, Self::TakenOver(before.owner)))
+            }
             (Some(before), Some(owner)) if before.was_orphaned => Some((owner, Self::TakenUp)),
             (Some(_), Some(_)) | (None, None) => None,
         }
@@ -132,40 +134,68 @@ impl Record {
     #[must_use]
     pub fn of_failsafe(at: WallTime, name: &Name, owner: Option<Owner>, run: FailSafeRun) -> Self {
         let kind = RecordKind::FailSafe(run);
-        Self { kind, by: owner, tried: run.action.word().to_owned(), ..Self::of_gateway(at, name) }
+        Self {
+            kind,
+            by: owner,
+            tried: run.action.word().to_owned(),
+            ..Self::of_gateway(at, name)
+        }
     }
 
     /// The record of a stop that was given up.
     #[must_use]
     pub fn of_stop_given_up(at: WallTime, name: &Name) -> Self {
-        Self { kind: RecordKind::StopGivenUp, tried: "stop".to_owned(), ..Self::of_gateway(at, name) }
+        Self {
+            kind: RecordKind::StopGivenUp,
+            tried: "stop".to_owned(),
+            ..Self::of_gateway(at, name)
+        }
     }
 
     /// The record of a lease that changed, or of its `owner`.
     #[must_use]
     pub fn of_lease(at: WallTime, name: &Name, owner: Owner, change: LeaseChange) -> Self {
         let kind = RecordKind::Lease(change);
-        Self { kind, by: Some(owner), is_stop: false, ..Self::of_gateway(at, name) }
+        Self {
+            kind,
+            by: Some(owner),
+            is_stop: false,
+            ..Self::of_gateway(at, name)
+        }
     }
 
     /// The record of sums that `owner` has set back to 0.
     #[must_use]
     pub fn of_usage_reset(at: WallTime, name: &Name, owner: Owner) -> Self {
         let tried = "reset usage".to_owned();
-        Self { kind: RecordKind::UsageReset, by: Some(owner), tried, is_stop: false, ..Self::of_gateway(at, name) }
+        Self {
+            kind: RecordKind::UsageReset,
+            by: Some(owner),
+            tried,
+            is_stop: false,
+            ..Self::of_gateway(at, name)
+        }
     }
 
     /// The record of a drive that is out of sight and may still run.
     #[must_use]
     pub fn of_out_of_sight(at: WallTime, name: &Name, last_seen: Option<LastSeen>) -> Self {
-        Self { kind: RecordKind::MayStillRun(last_seen), ..Self::of_gateway(at, name) }
+        Self {
+            kind: RecordKind::MayStillRun(last_seen),
+            ..Self::of_gateway(at, name)
+        }
     }
 
     /// The record that `owner` confirmed that the motor stands.
     #[must_use]
     pub fn of_standstill(at: WallTime, name: &Name, owner: Owner) -> Self {
         let tried = "confirm standstill".to_owned();
-        Self { kind: RecordKind::StandstillConfirmed, by: Some(owner), tried, ..Self::of_gateway(at, name) }
+        Self {
+            kind: RecordKind::StandstillConfirmed,
+            by: Some(owner),
+            tried,
+            ..Self::of_gateway(at, name)
+        }
     }
 
     fn of_gateway(at: WallTime, name: &Name) -> Self {
@@ -195,8 +225,14 @@ impl Record {
         }
         match self.kind {
             RecordKind::Attempt => {
-                say("outcome", self.report.map(|report| report.outcome.word()).into());
-                say("reason", self.report.map(|report| report.reason.word()).into());
+                say(
+                    "outcome",
+                    self.report.map(|report| report.outcome.word()).into(),
+                );
+                say(
+                    "reason",
+                    self.report.map(|report| report.reason.word()).into(),
+                );
             }
             RecordKind::FailSafe(run) => {
                 say("cause", run.cause.word().into());
@@ -209,8 +245,16 @@ impl Record {
                 }
             }
             RecordKind::MayStillRun(last_seen) => {
-                say("run_state", last_seen.map(|seen| seen.run_state.word()).into());
-                say("output_hz", last_seen.and_then(|seen| Some(seen.output?.as_f64())).into());
+                say(
+                    "run_state",
+                    last_seen.map(|seen| seen.run_state.word()).into(),
+                );
+                say(
+                    "output_hz",
+                    last_seen
+                        .and_then(|seen| Some(seen.output?.as_f64()))
+                        .into(),
+                );
             }
             RecordKind::StopGivenUp | RecordKind::StandstillConfirmed | RecordKind::UsageReset => {}
         }
@@ -225,6 +269,9 @@ impl Record {
         }
         let name = self.name.as_ref().map(Name::as_str);
         let row = Row::new(self.at, self.kind.word(), name, &Value::Object(body));
-        Row { number: base + self.number, ..row }
+        Row {
+            number: base + self.number,
+            ..row
+        }
     }
 }

@@ -58,7 +58,11 @@ impl Row {
         digest.update(&self.number.to_le_bytes());
         digest.update(&self.at.unix_ms.to_le_bytes());
         digest.update(&[u8::from(self.name.is_some())]);
-        for text in [&self.kind, self.name.as_deref().unwrap_or_default(), &self.body] {
+        for text in [
+            &self.kind,
+            self.name.as_deref().unwrap_or_default(),
+            &self.body,
+        ] {
             // With its length, so that bytes cannot move from one text into the next unnoticed.
             digest.update(&(text.len() as u64).to_le_bytes());
             digest.update(text.as_bytes());
@@ -75,7 +79,13 @@ impl Row {
     /// A row of `kind` about `name`. It is numbered when it is put into its table.
     #[must_use]
     pub fn new(at: WallTime, kind: &str, name: Option<&str>, body: &Value) -> Self {
-        Self { number: 0, at, kind: kind.to_owned(), name: name.map(str::to_owned), body: body.to_string() }
+        Self {
+            number: 0,
+            at,
+            kind: kind.to_owned(),
+            name: name.map(str::to_owned),
+            body: body.to_string(),
+        }
     }
 }
 
@@ -109,7 +119,12 @@ pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
         Presence::Online => "online",
         Presence::Offline => "offline",
     };
-    Some(Row::new(at, "drive", Some(drive), &json!({ "state": word })))
+    Some(Row::new(
+        at,
+        "drive",
+        Some(drive),
+        &json!({ "state": word }),
+    ))
 }
 
 /// A line went up or down, and why.
@@ -117,7 +132,9 @@ pub fn presence(at: WallTime, drive: &str, presence: Presence) -> Option<Row> {
 pub fn line(at: WallTime, line: &str, state: LineState, fault: Option<LineFault>) -> Row {
     let body = match state {
         LineState::Up => json!({ "state": "up" }),
-        LineState::Down => json!({ "state": "down", "reason": fault.map(|fault| fault.to_string()) }),
+        LineState::Down => {
+            json!({ "state": "down", "reason": fault.map(|fault| fault.to_string()) })
+        }
     };
     Row::new(at, "line", Some(line), &body)
 }
@@ -125,8 +142,7 @@ pub fn line(at: WallTime, line: &str, state: LineState, fault: Option<LineFault>
 /// The gateway has started.
 #[must_use]
 pub fn started(at: WallTime, version: &str, configuration: &str, has_changed: bool) -> Row {
-    let body =
-        json!({ "state": "started", "version": version, "configuration": configuration, "changed": has_changed });
+    let body = json!({ "state": "started", "version": version, "configuration": configuration, "changed": has_changed });
     Row::new(at, "gateway", None, &body)
 }
 
@@ -139,13 +155,23 @@ pub fn ended(at: WallTime) -> Row {
 /// The journal was recreated, and why; the old file may have been kept under another name.
 #[must_use]
 pub fn begun_anew(at: WallTime, reason: &str, kept_as: Option<&str>) -> Row {
-    Row::new(at, "journal", None, &json!({ "state": "begun_anew", "reason": reason, "kept_as": kept_as }))
+    Row::new(
+        at,
+        "journal",
+        None,
+        &json!({ "state": "begun_anew", "reason": reason, "kept_as": kept_as }),
+    )
 }
 
 /// Number of rows that could not be stored while the journal was broken.
 #[must_use]
 pub fn lost(at: WallTime, rows: u64) -> Row {
-    Row::new(at, "journal", None, &json!({ "state": "lost", "rows": rows }))
+    Row::new(
+        at,
+        "journal",
+        None,
+        &json!({ "state": "lost", "rows": rows }),
+    )
 }
 
 #[cfg(test)]
@@ -154,7 +180,17 @@ mod tests {
 
     fn row() -> Row {
         let body = json!({ "by": "mqtt" });
-        Row { number: 7, ..Row::new(WallTime { unix_ms: 1_767_225_600_000 }, "attempt", Some("pump-1"), &body) }
+        Row {
+            number: 7,
+            ..Row::new(
+                WallTime {
+                    unix_ms: 1_767_225_600_000,
+                },
+                "attempt",
+                Some("pump-1"),
+                &body,
+            )
+        }
     }
 
     #[test]
@@ -170,21 +206,47 @@ mod tests {
         assert_eq!(row().checked(Table::Audit, crc), Some(row()));
         assert_eq!(row().checked(Table::Event, crc), None);
         assert_eq!(row().checked(Table::Audit, crc ^ 1), None);
-        let at = WallTime { unix_ms: 1_767_225_600_001 };
+        let at = WallTime {
+            unix_ms: 1_767_225_600_001,
+        };
         for other in [
             Row { number: 8, ..row() },
             Row { at, ..row() },
-            Row { kind: "attemps".into(), ..row() },
-            Row { name: Some("pump-2".into()), ..row() },
-            Row { name: None, ..row() },
-            Row { kind: "attemptp".into(), name: Some("ump-1".into()), ..row() },
-            Row { body: "{\"by\":\"mqtu\"}".into(), ..row() },
+            Row {
+                kind: "attemps".into(),
+                ..row()
+            },
+            Row {
+                name: Some("pump-2".into()),
+                ..row()
+            },
+            Row {
+                name: None,
+                ..row()
+            },
+            Row {
+                kind: "attemptp".into(),
+                name: Some("ump-1".into()),
+                ..row()
+            },
+            Row {
+                body: "{\"by\":\"mqtu\"}".into(),
+                ..row()
+            },
         ] {
             assert_eq!(other.clone().checked(Table::Audit, crc), None, "{other:?}");
         }
         assert_ne!(
-            Row { name: None, ..row() }.crc(Table::Audit),
-            Row { name: Some(String::new()), ..row() }.crc(Table::Audit)
+            Row {
+                name: None,
+                ..row()
+            }
+            .crc(Table::Audit),
+            Row {
+                name: Some(String::new()),
+                ..row()
+            }
+            .crc(Table::Audit)
         );
     }
 }

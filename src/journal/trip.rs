@@ -17,8 +17,14 @@ type Label<'l> = dyn Fn(MonoTime) -> String + 'l;
 pub fn event(drive: &DriveDescription, label: &Label<'_>, event: &TripEvent) -> Map<String, Value> {
     let mut body = Map::new();
     let mut say = |key: &str, value: Value| body.insert(key.to_owned(), value);
-    if let TripEventKind::Tripped { trips, record: newest } = &event.kind {
-        record(drive, label, newest).into_iter().for_each(|(key, value)| drop(say(&key, value)));
+    if let TripEventKind::Tripped {
+        trips,
+        record: newest,
+    } = &event.kind
+    {
+        record(drive, label, newest)
+            .into_iter()
+            .for_each(|(key, value)| drop(say(&key, value)));
         say("trips", (*trips).into());
     }
     say("kind", kind(&event.kind).into());
@@ -41,10 +47,18 @@ pub const fn kind(kind: &TripEventKind) -> &'static str {
 
 /// A trip record, by the names of its registers.
 #[must_use]
-pub fn record(drive: &DriveDescription, label: &Label<'_>, record: &TripRecord) -> Map<String, Value> {
+pub fn record(
+    drive: &DriveDescription,
+    label: &Label<'_>,
+    record: &TripRecord,
+) -> Map<String, Value> {
     let mut values = Map::new();
     for (address, word) in &record.words {
-        let mut fields = drive.model.fields_at(*address).filter(|register| is_of_a_record(register)).peekable();
+        let mut fields = drive
+            .model
+            .fields_at(*address)
+            .filter(|register| is_of_a_record(register))
+            .peekable();
         if fields.peek().is_none() {
             values.insert(address.to_string(), json!({ "value": word, "unit": null }));
         }
@@ -83,7 +97,11 @@ pub fn newest_text(drive: &DriveDescription, view: &DriveView) -> Option<String>
 /// The vendor's text for the active trip; `None` if none is known to be active.
 #[must_use]
 pub fn active_text(drive: &DriveDescription, view: &DriveView) -> Option<String> {
-    if view.trip.active? { text_of(drive, view.trip.last.as_ref()?) } else { None }
+    if view.trip.active? {
+        text_of(drive, view.trip.last.as_ref()?)
+    } else {
+        None
+    }
 }
 
 /// What a register with `role` says about trips with the code or the bits `shown`; `None` if it shows none, or other
@@ -92,14 +110,18 @@ pub fn active_text(drive: &DriveDescription, view: &DriveView) -> Option<String>
 pub fn meaning(drive: &DriveDescription, role: Role, shown: u32) -> Option<String> {
     match role {
         Role::TripBits => bits_text(drive, shown),
-        Role::TripCode | Role::TripCause | Role::TripHistory => text(drive, u16::try_from(shown).ok()?),
+        Role::TripCode | Role::TripCause | Role::TripHistory => {
+            text(drive, u16::try_from(shown).ok()?)
+        }
         _ => None,
     }
 }
 
 /// The texts of all trips whose bits are set in `bits`, the lowest first.
 fn bits_text(drive: &DriveDescription, bits: u32) -> Option<String> {
-    let texts: Vec<_> = codes_of_bits(bits).filter_map(|code| text(drive, code)).collect();
+    let texts: Vec<_> = codes_of_bits(bits)
+        .filter_map(|code| text(drive, code))
+        .collect();
     (!texts.is_empty()).then(|| texts.join("; "))
 }
 
@@ -126,7 +148,11 @@ fn is_of_a_record(register: &Register) -> bool {
 }
 
 fn word_of(record: &TripRecord, address: Address) -> Option<u16> {
-    record.words.iter().find(|(it, _)| *it == address).map(|(_, word)| *word)
+    record
+        .words
+        .iter()
+        .find(|(it, _)| *it == address)
+        .map(|(_, word)| *word)
 }
 
 /// The value of `register` from the words of the record; `null` if it depends on others.

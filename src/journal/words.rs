@@ -15,9 +15,14 @@ pub fn tried(tried: &Tried) -> String {
     match tried {
         Tried::Order(order) => self::order(order),
         Tried::Registers { address, values } => {
-            let addresses =
-                std::iter::successors(Some(*address), |address| Some(address.at(address.number().wrapping_add(1))));
-            joined(addresses.zip(values).map(|(address, value)| register(address, *value)))
+            let addresses = std::iter::successors(Some(*address), |address| {
+                Some(address.at(address.number().wrapping_add(1)))
+            });
+            joined(
+                addresses
+                    .zip(values)
+                    .map(|(address, value)| register(address, *value)),
+            )
         }
         Tried::Text(text) => text.chars().take(TEXT_CHARS_MAX).collect(),
     }
@@ -26,13 +31,18 @@ pub fn tried(tried: &Tried) -> String {
 fn order(order: &Order) -> String {
     match order {
         Order::Stop { setpoint: None } => "stop".to_owned(),
-        Order::Stop { setpoint: Some(setpoint) } => format!("stop, {}", hertz(*setpoint)),
+        Order::Stop {
+            setpoint: Some(setpoint),
+        } => format!("stop, {}", hertz(*setpoint)),
         Order::Coast => "coast".to_owned(),
         Order::Reset => "reset".to_owned(),
         Order::Go(go) => self::go(go),
         Order::Release => "release".to_owned(),
         Order::Setup(addresses) => {
-            format!("setup {}", joined(addresses.iter().map(|address| address.to_string())))
+            format!(
+                "setup {}",
+                joined(addresses.iter().map(|address| address.to_string()))
+            )
         }
         Order::Take => "take".to_owned(),
         Order::Renew => "renew".to_owned(),
@@ -71,7 +81,9 @@ pub const fn is_stop(tried: &Tried) -> bool {
 /// Whether it is only a setpoint: controllers send one after the other.
 #[must_use]
 pub fn is_setpoint(tried: &Tried) -> bool {
-    let Tried::Order(Order::Go(go)) = tried else { return false };
+    let Tried::Order(Order::Go(go)) = tried else {
+        return false;
+    };
     go.registers().is_empty() && go.frequency().is_some() && go.run().is_none()
 }
 
@@ -98,16 +110,39 @@ mod tests {
 
     #[test]
     fn orders_have_words() {
-        let go = |registers, frequency, run| Tried::Order(Order::Go(Go::new(registers, frequency, run).unwrap()));
+        let go = |registers, frequency, run| {
+            Tried::Order(Order::Go(Go::new(registers, frequency, run).unwrap()))
+        };
         let thirty = Some(Hertz::from_millihertz(30_000));
         let table = [
             (Tried::Order(Order::Stop { setpoint: None }), "stop"),
-            (Tried::Order(Order::Stop { setpoint: thirty }), "stop, 30.00 Hz"),
-            (go(Vec::new(), thirty, Some(Direction::Reverse)), "30.00 Hz, run reverse"),
-            (go(vec![RegisterWrite::new(12_u16, 100)], None, None), "0x000C = 100"),
-            (go(vec![RegisterWrite::pair(12_u16, [1, 100])], None, None), "0x000C = 1, 0x000D = 100"),
-            (Tried::Registers { address: 0xFFFF_u16.into(), values: vec![1, 2] }, "0xFFFF = 1, 0x0000 = 2"),
-            (Tried::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])), "setup 0x0001, 0x0211"),
+            (
+                Tried::Order(Order::Stop { setpoint: thirty }),
+                "stop, 30.00 Hz",
+            ),
+            (
+                go(Vec::new(), thirty, Some(Direction::Reverse)),
+                "30.00 Hz, run reverse",
+            ),
+            (
+                go(vec![RegisterWrite::new(12_u16, 100)], None, None),
+                "0x000C = 100",
+            ),
+            (
+                go(vec![RegisterWrite::pair(12_u16, [1, 100])], None, None),
+                "0x000C = 1, 0x000D = 100",
+            ),
+            (
+                Tried::Registers {
+                    address: 0xFFFF_u16.into(),
+                    values: vec![1, 2],
+                },
+                "0xFFFF = 1, 0x0000 = 2",
+            ),
+            (
+                Tried::Order(Order::Setup(vec![1_u16.into(), 0x0211_u16.into()])),
+                "setup 0x0001, 0x0211",
+            ),
             (Tried::Text("ü".repeat(300)), &"ü".repeat(200)),
         ];
         for (tried, text) in table {
@@ -117,9 +152,15 @@ mod tests {
 
     #[test]
     fn only_a_setpoint_alone_is_one() {
-        let go = |run| Tried::Order(Order::Go(Go::new(Vec::new(), Some(Hertz::ZERO), run).unwrap()));
+        let go = |run| {
+            Tried::Order(Order::Go(
+                Go::new(Vec::new(), Some(Hertz::ZERO), run).unwrap(),
+            ))
+        };
         assert!(is_setpoint(&go(None)) && !is_setpoint(&go(Some(Direction::Forward))));
-        assert!(!is_setpoint(&Tried::Order(Order::Stop { setpoint: Some(Hertz::ZERO) })));
+        assert!(!is_setpoint(&Tried::Order(Order::Stop {
+            setpoint: Some(Hertz::ZERO)
+        })));
     }
 
     #[test]
@@ -140,7 +181,16 @@ mod tests {
         ] {
             assert_eq!(super::owner(&owner.to_string()), Some(owner));
         }
-        for text in ["", "mqtt ", "mqtt a/b", "modbus-tcp x", "modbus-security a b", "page", "page a b", "mqtt a b"] {
+        for text in [
+            "",
+            "mqtt ",
+            "mqtt a/b",
+            "modbus-tcp x",
+            "modbus-security a b",
+            "page",
+            "page a b",
+            "mqtt a b",
+        ] {
             assert_eq!(super::owner(text), None, "{text}");
         }
     }

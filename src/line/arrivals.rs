@@ -55,7 +55,11 @@ mod tests {
             arrivals.read(bytes, ms(at));
         }
         assert_eq!(arrivals.take(2), Some((ms(10), ms(10))));
-        assert_eq!(arrivals.take(5), Some((ms(10), ms(12))), "the rest of one read and the next");
+        assert_eq!(
+            arrivals.take(5),
+            Some((ms(10), ms(12))),
+            "the rest of one read and the next"
+        );
         assert_eq!(arrivals.take(1), Some((ms(20), ms(20))));
         arrivals.clear();
         assert_eq!(arrivals.take(1), None);

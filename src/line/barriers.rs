@@ -23,7 +23,9 @@ impl Nonces {
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         let folded = seed ^ (seed >> 16) ^ (seed >> 32) ^ (seed >> 48);
-        Self { next: folded as u16 }
+        Self {
+            next: folded as u16,
+        }
     }
 
     /// The next word.
@@ -65,14 +67,23 @@ impl Barriers {
     /// The barriers of a drive of `model`, none of them tested.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        let known = model.barriers.iter().map(|barrier| (barrier.clone(), proof_at_first(barrier)));
-        Self { known: known.collect(), online_since: None }
+        let known = model
+            .barriers
+            .iter()
+            .map(|barrier| (barrier.clone(), proof_at_first(barrier)));
+        Self {
+            known: known.collect(),
+            online_since: None,
+        }
     }
 
     /// None: where replies say to which request they belong, nothing has to be ruled out.
     #[must_use]
     pub const fn none() -> Self {
-        Self { known: Vec::new(), online_since: None }
+        Self {
+            known: Vec::new(),
+            online_since: None,
+        }
     }
 
     /// The port was opened: earlier tests do not count, because another drive may be there now.
@@ -87,7 +98,11 @@ impl Barriers {
     pub fn answered(&mut self, now: MonoTime) {
         if self.online_since.is_none() {
             self.online_since = Some(now);
-            for (_, proof) in self.known.iter_mut().filter(|(_, proof)| *proof == Proof::Failed) {
+            for (_, proof) in self
+                .known
+                .iter_mut()
+                .filter(|(_, proof)| *proof == Proof::Failed)
+            {
                 *proof = Proof::Open { tries: 0 };
             }
         }
@@ -100,7 +115,10 @@ impl Barriers {
 
     /// The barriers that may be relied on, best first; loop tests with the data `nonce`.
     pub fn usable(&self, echo: LocalEcho, nonce: u16) -> impl Iterator<Item = Request> + '_ {
-        let proven = self.known.iter().filter(|(_, proof)| matches!(proof, Proof::Documented | Proof::Shown));
+        let proven = self
+            .known
+            .iter()
+            .filter(|(_, proof)| matches!(proof, Proof::Documented | Proof::Shown));
         proven.filter_map(move |(barrier, _)| request(barrier, echo, nonce))
     }
 
@@ -108,8 +126,15 @@ impl Barriers {
     #[must_use]
     pub fn to_try(&self, echo: LocalEcho, nonce: u16) -> Option<(usize, Request, MonoTime)> {
         let since = self.online_since?;
-        let open = self.known.iter().enumerate().filter(|(_, (_, proof))| matches!(proof, Proof::Open { .. }));
-        open.filter_map(|(place, (barrier, _))| Some((place, request(barrier, echo, nonce)?, since))).next()
+        let open = self
+            .known
+            .iter()
+            .enumerate()
+            .filter(|(_, (_, proof))| matches!(proof, Proof::Open { .. }));
+        open.filter_map(|(place, (barrier, _))| {
+            Some((place, request(barrier, echo, nonce)?, since))
+        })
+        .next()
     }
 
     /// The barrier at `place` was tested and answered correctly.
@@ -149,9 +174,17 @@ fn proof_at_first(barrier: &Barrier) -> Proof {
 /// The request of `barrier`; `None` for a loop test on a line where its answer proves nothing.
 fn request(barrier: &Barrier, echo: LocalEcho, nonce: u16) -> Option<Request> {
     match barrier {
-        Barrier::Read(read) => Some(Request::Read { address: read.address, count: read.count }),
-        Barrier::Loop(_) => (echo == LocalEcho::Excluded).then_some(Request::Loopback { data: nonce }),
-        Barrier::Refused(fact) => Some(Request::Unserved { function: fact.value, data: nonce }),
+        Barrier::Read(read) => Some(Request::Read {
+            address: read.address,
+            count: read.count,
+        }),
+        Barrier::Loop(_) => {
+            (echo == LocalEcho::Excluded).then_some(Request::Loopback { data: nonce })
+        }
+        Barrier::Refused(fact) => Some(Request::Unserved {
+            function: fact.value,
+            data: nonce,
+        }),
     }
 }
 
@@ -165,13 +198,21 @@ mod tests {
     const ECHOES: [LocalEcho; 3] = [LocalEcho::Unknown, LocalEcho::Excluded, LocalEcho::Found];
 
     fn barriers(all: Vec<Barrier>) -> Barriers {
-        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
+        let mut model = Model::clone(
+            vendors::catalog()
+                .find("hyundai-n700")
+                .expect("it is built in"),
+        );
         model.barriers = all;
         Barriers::new(&model)
     }
 
     fn fact<T>(value: T, confidence: Confidence) -> Fact<T> {
-        Fact { value, confidence, source: String::new() }
+        Fact {
+            value,
+            confidence,
+            source: String::new(),
+        }
     }
 
     fn count(barriers: &Barriers, echo: LocalEcho) -> usize {
@@ -187,7 +228,10 @@ mod tests {
             nonces.advance();
         }
         assert_eq!(words.iter().collect::<HashSet<_>>().len(), 0x1_0000);
-        let alike = words.windows(2).filter(|pair| (pair[0] ^ pair[1]).count_ones() < 2).count();
+        let alike = words
+            .windows(2)
+            .filter(|pair| (pair[0] ^ pair[1]).count_ones() < 2)
+            .count();
         assert!(alike < 200, "{alike}");
         assert_ne!(Nonces::new(1).peek(), Nonces::new(2).peek());
     }
@@ -196,7 +240,10 @@ mod tests {
     fn a_documented_loop_test_is_used_once_no_echo_can_be() {
         let barriers = barriers(vec![Barrier::Loop(fact((), Confidence::Manual))]);
         assert_eq!(ECHOES.map(|echo| count(&barriers, echo)), [0, 1, 0]);
-        assert_eq!(barriers.usable(LocalEcho::Excluded, 7).next(), Some(Request::Loopback { data: 7 }));
+        assert_eq!(
+            barriers.usable(LocalEcho::Excluded, 7).next(),
+            Some(Request::Loopback { data: 7 })
+        );
         assert_eq!(barriers.to_try(LocalEcho::Excluded, 7), None);
     }
 
@@ -207,8 +254,13 @@ mod tests {
             Barrier::Refused(fact(8, Confidence::Inferred)),
             Barrier::Refused(fact(8, Confidence::Manual)),
         ] {
-            let mut barriers =
-                barriers(vec![Barrier::Read(BarrierRead { address: 1_u16.into(), count: 1 }), barrier.clone()]);
+            let mut barriers = barriers(vec![
+                Barrier::Read(BarrierRead {
+                    address: 1_u16.into(),
+                    count: 1,
+                }),
+                barrier.clone(),
+            ]);
             let echo = LocalEcho::Excluded;
             assert_eq!(count(&barriers, echo), 1, "{barrier:?}");
             assert_eq!(barriers.to_try(echo, 7), None, "the drive is not there yet");
@@ -217,10 +269,17 @@ mod tests {
             let (place, _, since) = barriers.to_try(echo, 7).unwrap();
             assert_eq!((place, since), (1, online));
             barriers.shown(place);
-            assert_eq!((count(&barriers, echo), barriers.to_try(echo, 7)), (2, None));
+            assert_eq!(
+                (count(&barriers, echo), barriers.to_try(echo, 7)),
+                (2, None)
+            );
             barriers.port_opened();
             barriers.answered(online);
-            assert_eq!(count(&barriers, echo), 1, "on another port it is tested again");
+            assert_eq!(
+                count(&barriers, echo),
+                1,
+                "on another port it is tested again"
+            );
             assert!(barriers.to_try(echo, 7).is_some());
         }
     }
@@ -233,7 +292,10 @@ mod tests {
         barriers.answered(now);
         barriers.failed(0);
         barriers.answered(now);
-        assert_eq!((count(&barriers, echo), barriers.to_try(echo, 7)), (0, None));
+        assert_eq!(
+            (count(&barriers, echo), barriers.to_try(echo, 7)),
+            (0, None)
+        );
         barriers.lost();
         barriers.answered(now);
         assert!(barriers.to_try(echo, 7).is_some());

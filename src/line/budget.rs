@@ -73,7 +73,11 @@ impl Budget {
     /// Maximum age of a fast value of the station at `place`; `None` if it has none.
     #[must_use]
     pub fn fast_age(&self, place: usize) -> Option<Duration> {
-        let fast = self.stations.get(place)?.iter().filter(|read| read.group.class == PollClass::Fast);
+        let fast = self
+            .stations
+            .get(place)?
+            .iter()
+            .filter(|read| read.group.class == PollClass::Fast);
         fast.map(|read| self.age(read)).max()
     }
 }
@@ -98,16 +102,36 @@ pub fn read_time(timing: &Timing, count: u16, turnaround: Duration) -> Duration 
 
 /// Adds up the plans of `stations`, which share the line of `timing`.
 #[must_use]
-pub fn of_plan<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> Budget {
-    let stations: Vec<_> = stations.into_iter().map(|station| planned(timing, &station)).collect();
+pub fn of_plan<'a>(
+    timing: &Timing,
+    stations: impl IntoIterator<Item = PlannedStation<'a>>,
+) -> Budget {
+    let stations: Vec<_> = stations
+        .into_iter()
+        .map(|station| planned(timing, &station))
+        .collect();
     let part = |cost: fn(&PlannedRead) -> Duration| {
-        let parts = stations.iter().flatten().map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64());
+        let parts = stations
+            .iter()
+            .flatten()
+            .map(|read| cost(read).as_secs_f64() / read.period.as_secs_f64());
         parts.sum::<f64>()
     };
     let use_of_line = part(|read| read.cost);
     let use_if_delayed = part(|read| read.cost_if_delayed);
-    let longest_exchange = stations.iter().flatten().map(|read| read.cost).max().unwrap_or_default();
-    Budget { use_of_line, use_if_delayed, stretch: use_of_line.max(1.0), longest_exchange, stations }
+    let longest_exchange = stations
+        .iter()
+        .flatten()
+        .map(|read| read.cost)
+        .max()
+        .unwrap_or_default();
+    Budget {
+        use_of_line,
+        use_if_delayed,
+        stretch: use_of_line.max(1.0),
+        longest_exchange,
+        stations,
+    }
 }
 
 /// What it takes to read all polled registers of a line once.
@@ -125,11 +149,19 @@ pub struct Refresh {
 
 /// A full refresh of `stations`, beside the shortest one.
 #[must_use]
-pub fn refresh<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> Refresh {
+pub fn refresh<'a>(
+    timing: &Timing,
+    stations: impl IntoIterator<Item = PlannedStation<'a>>,
+) -> Refresh {
     let mut all = Refresh::default();
     for station in stations {
         let cost = |words| read_cost(timing, station.model, words);
-        let time = |reads: &[plan::Read]| reads.iter().map(|(_, words)| cost(*words)).sum::<Duration>();
+        let time = |reads: &[plan::Read]| {
+            reads
+                .iter()
+                .map(|(_, words)| cost(*words))
+                .sum::<Duration>()
+        };
         let planned = plan::full_refresh(station.model);
         let shortest = plan::shortest_refresh(station.model, cost);
         all.reads += planned.len();
@@ -151,26 +183,44 @@ fn planned(timing: &Timing, station: &PlannedStation<'_>) -> Vec<PlannedRead> {
     let read = |group: PollGroup| {
         let cost = read_cost(timing, station.model, group.count);
         let period = group.period(plan::Pace::new(station.poll, 1.0));
-        PlannedRead { group, period, cost, cost_if_delayed: cost + reply_delay(times) }
+        PlannedRead {
+            group,
+            period,
+            cost,
+            cost_if_delayed: cost + reply_delay(times),
+        }
     };
     plan::groups(station.model).into_iter().map(read).collect()
 }
 
 /// How long a stop for one drive of a line of `stations` may have to wait.
 #[must_use]
-pub fn stop_bounds<'a>(timing: &Timing, stations: impl IntoIterator<Item = PlannedStation<'a>>) -> StopBounds {
+pub fn stop_bounds<'a>(
+    timing: &Timing,
+    stations: impl IntoIterator<Item = PlannedStation<'a>>,
+) -> StopBounds {
     let stations: Vec<_> = stations.into_iter().collect();
     // A stop that is accepted right after a broadcast stop waits until the drives have carried that out.
-    let pauses = stations.iter().map(|it| pause_after(it.model, Class::Write));
+    let pauses = stations
+        .iter()
+        .map(|it| pause_after(it.model, Class::Write));
     let left_alone = pauses.fold(BROADCAST_TURNAROUND, Duration::max);
     let after_broadcast = exchange_time(timing, SHORT_PDU_BYTES, left_alone, 0);
-    let least =
-        if !timing.may_have_converter() && may_stop_at_once(&stations) { after_broadcast } else { Duration::ZERO };
-    let mut bounds = StopBounds { all_healthy: least, one_silent: least, each_further: Duration::ZERO };
+    let least = if !timing.may_have_converter() && may_stop_at_once(&stations) {
+        after_broadcast
+    } else {
+        Duration::ZERO
+    };
+    let mut bounds = StopBounds {
+        all_healthy: least,
+        one_silent: least,
+        each_further: Duration::ZERO,
+    };
     for station in &stations {
         for (class, request, reply) in exchanges(station.model) {
             let longer = longer(timing, station.model, reply);
-            let healthy = turnaround(&station.model.timing, class) + reply_delay(&station.model.timing);
+            let healthy =
+                turnaround(&station.model.timing, class) + reply_delay(&station.model.timing);
             let timeout = station.timeouts.of(class);
             // The current exchange ends with its reply, and the silence after that is the one before the stop.
             let in_time = exchange_time(timing, request, healthy.min(timeout) + longer, reply);
@@ -206,15 +256,24 @@ pub fn missing_reply_costs(timing: &Timing, station: &PlannedStation<'_>) -> Dur
     let words = station.model.barriers.iter().filter_map(settles).max();
     let wait = station.timeouts.read;
     words.map_or(wait + station.max_lateness, |words| {
-        let usual = turnaround(&station.model.timing, Class::Read) + reply_delay(&station.model.timing);
-        read_time(timing, words, usual.min(wait)) + longer(timing, station.model, reply_bytes(words))
+        let usual =
+            turnaround(&station.model.timing, Class::Read) + reply_delay(&station.model.timing);
+        read_time(timing, words, usual.min(wait))
+            + longer(timing, station.model, reply_bytes(words))
     })
 }
 
 /// Whether one frame may stop all `stations`, as far as their models tell.
 fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
-    let Some((first, others)) = stations.split_first() else { return false };
-    let hears_all = first.model.link.broadcast.as_ref().is_some_and(|it| it.station.confidence.is_proven());
+    let Some((first, others)) = stations.split_first() else {
+        return false;
+    };
+    let hears_all = first
+        .model
+        .link
+        .broadcast
+        .as_ref()
+        .is_some_and(|it| it.station.confidence.is_proven());
     hears_all && !others.is_empty() && others.iter().all(|other| other.model.id == first.model.id)
 }
 
@@ -222,12 +281,26 @@ fn may_stop_at_once(stations: &[PlannedStation<'_>]) -> bool {
 /// and waited out, the station is left alone, the next request is not answered either, stops for others go first, and
 /// it is deaf after a write.
 #[must_use]
-pub fn longest_gap(timing: &Timing, age: Duration, station: &PlannedStation<'_>, stop: &StopBounds) -> Duration {
+pub fn longest_gap(
+    timing: &Timing,
+    age: Duration,
+    station: &PlannedStation<'_>,
+    stop: &StopBounds,
+) -> Duration {
     let wait = station.timeouts.read;
     let has_to_wait = station.model.barriers.is_empty() && !timing.framing.identifies_replies();
-    let is_waited_out = if has_to_wait { station.max_lateness } else { Duration::ZERO };
+    let is_waited_out = if has_to_wait {
+        station.max_lateness
+    } else {
+        Duration::ZERO
+    };
     let retry = read_time(timing, station.model.read.longest(), wait);
-    age + wait + is_waited_out + BACK_OFF_FIRST + retry + stop.one_silent + station.model.longest_deafness()
+    age + wait
+        + is_waited_out
+        + BACK_OFF_FIRST
+        + retry
+        + stop.one_silent
+        + station.model.longest_deafness()
 }
 
 /// The longest time between two frames to the station at `place` of `stations`, while it answers and every possible
@@ -242,25 +315,60 @@ pub fn longest_gap_on_line(
 ) -> Option<Duration> {
     let budget = of_plan(timing, stations.iter().copied());
     let mut stop = stop_bounds(timing, stations.iter().copied());
-    stop.one_silent += stop.each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
-    Some(longest_gap(timing, budget.fast_age(place)?, stations.get(place)?, &stop))
+    stop.one_silent +=
+        stop.each_further * u32::try_from(commanded.saturating_sub(1)).unwrap_or(u32::MAX);
+    Some(longest_gap(
+        timing,
+        budget.fast_age(place)?,
+        stations.get(place)?,
+        &stop,
+    ))
 }
 
 /// The longest exchanges with a drive of `model`: class, and PDU bytes of request and reply.
 fn exchanges(model: &Model) -> impl Iterator<Item = (Class, usize, usize)> + '_ {
-    let block = |block: &BlockWrite| (6 + WORD_BYTES * usize::from(block.count.value), SHORT_PDU_BYTES);
-    let has_coil = model.registers.iter().any(|it| it.access.can_write() && it.address.table().is_of_bits());
-    let coil = if has_coil && !model.serves(function::WRITE_COIL) { 6 + 1 } else { SHORT_PDU_BYTES };
-    let single = if model.serves(function::WRITE_SINGLE) { coil } else { 6 + WORD_BYTES };
-    let has_pair = model.registers.iter().any(|it| it.access.can_write() && it.form.pair.is_some());
+    let block = |block: &BlockWrite| {
+        (
+            6 + WORD_BYTES * usize::from(block.count.value),
+            SHORT_PDU_BYTES,
+        )
+    };
+    let has_coil = model
+        .registers
+        .iter()
+        .any(|it| it.access.can_write() && it.address.table().is_of_bits());
+    let coil = if has_coil && !model.serves(function::WRITE_COIL) {
+        6 + 1
+    } else {
+        SHORT_PDU_BYTES
+    };
+    let single = if model.serves(function::WRITE_SINGLE) {
+        coil
+    } else {
+        6 + WORD_BYTES
+    };
+    let has_pair = model
+        .registers
+        .iter()
+        .any(|it| it.access.can_write() && it.form.pair.is_some());
     let pair = has_pair.then_some((6 + 2 * WORD_BYTES, SHORT_PDU_BYTES));
-    let writes = [Some((single, SHORT_PDU_BYTES)), pair, model.write.block.as_ref().map(block)];
+    let writes = [
+        Some((single, SHORT_PDU_BYTES)),
+        pair,
+        model.write.block.as_ref().map(block),
+    ];
     let writes = writes.into_iter().flatten();
     let writes = writes.flat_map(|(request, reply)| {
-        [Class::Write, Class::StoredWrite].into_iter().map(move |class| (class, request, reply))
+        [Class::Write, Class::StoredWrite]
+            .into_iter()
+            .map(move |class| (class, request, reply))
     });
     let reads = [reply_bytes(model.read.longest()), SHORT_PDU_BYTES];
-    writes.chain(reads.into_iter().map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)))
+    writes.chain(
+        reads
+            .into_iter()
+            .map(|reply| (Class::Read, SHORT_PDU_BYTES, reply)),
+    )
 }
 
 /// How long a drive of `model` is left alone after a request of `class`.
@@ -291,7 +399,11 @@ mod tests {
     use crate::vendors;
 
     fn fact<T>(value: T) -> Fact<T> {
-        Fact { value, confidence: Confidence::Manual, source: String::new() }
+        Fact {
+            value,
+            confidence: Confidence::Manual,
+            source: String::new(),
+        }
     }
 
     const fn ms(millis: u64) -> Duration {
@@ -299,13 +411,21 @@ mod tests {
     }
 
     fn n700() -> Model {
-        Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
+        Model::clone(
+            vendors::catalog()
+                .find("hyundai-n700")
+                .expect("it is built in"),
+        )
     }
 
     /// A model with one register that is polled fast.
     fn model(change: impl FnOnce(&mut Model)) -> Model {
         let mut model = n700();
-        let first = model.registers.iter().position(|register| register.poll == Some(PollClass::Fast)).unwrap();
+        let first = model
+            .registers
+            .iter()
+            .position(|register| register.poll == Some(PollClass::Fast))
+            .unwrap();
         model.registers = vec![model.registers.swap_remove(first)];
         model.link.broadcast = None;
         model.timing.processing_max = None;
@@ -319,7 +439,12 @@ mod tests {
     fn station(model: &Model) -> PlannedStation<'_> {
         let timeouts = ReplyTimeouts::fixed(Duration::from_millis(100));
         let poll = Duration::from_millis(500);
-        PlannedStation { model, poll, timeouts, max_lateness: Duration::from_millis(300) }
+        PlannedStation {
+            model,
+            poll,
+            timeouts,
+            max_lateness: Duration::from_millis(300),
+        }
     }
 
     #[test]
@@ -344,7 +469,9 @@ mod tests {
             model.timing.reply_char_bits = Some(fact(12));
         });
         let budget = of_plan(&N700, [station(&model)]);
-        let Some([read]) = budget.stations.first().map(Vec::as_slice) else { panic!("{budget:?}") };
+        let Some([read]) = budget.stations.first().map(Vec::as_slice) else {
+            panic!("{budget:?}")
+        };
         // 7 characters of 2 more bits each
         assert_eq!(read.cost.as_micros(), 30_312 + 10_000 + 1_458);
         assert_eq!(read.cost_if_delayed - read.cost, Duration::from_millis(60));
@@ -354,26 +481,42 @@ mod tests {
     #[test]
     fn ascii_frames_cost_two_characters_for_each_byte() {
         // 10 silence + 17 characters request + 10 turnaround + 15 characters reply
-        assert_eq!(read_time(&ASCII, 1, ASSUMED_TURNAROUND).as_micros(), 10_000 + 17_708 + 10_000 + 15_625);
+        assert_eq!(
+            read_time(&ASCII, 1, ASSUMED_TURNAROUND).as_micros(),
+            10_000 + 17_708 + 10_000 + 15_625
+        );
     }
 
     #[test]
     fn a_missing_reply_costs_a_barrier_or_the_longest_lateness() {
         let with = |barriers| model(|model| model.barriers = barriers);
-        let read = with(vec![Barrier::Read(BarrierRead { address: 1_u16.into(), count: 2 })]);
-        assert_near(missing_reply_costs(&N700, &station(&read)), chars(8 + 9, 1, 10));
+        let read = with(vec![Barrier::Read(BarrierRead {
+            address: 1_u16.into(),
+            count: 2,
+        })]);
+        assert_near(
+            missing_reply_costs(&N700, &station(&read)),
+            chars(8 + 9, 1, 10),
+        );
         for barriers in [vec![], vec![Barrier::Loop(fact(()))]] {
-            assert_eq!(missing_reply_costs(&N700, &station(&with(barriers))), Duration::from_millis(100 + 300));
+            assert_eq!(
+                missing_reply_costs(&N700, &station(&with(barriers))),
+                Duration::from_millis(100 + 300)
+            );
         }
     }
 
     /// Time of `chars` characters at 9600 bit/s 8N1, `silences` silences and `wait_ms` milliseconds of waiting.
     fn chars(chars: u64, silences: u64, wait_ms: u64) -> Duration {
-        Duration::from_millis(wait_ms) + Duration::from_nanos(silences * 4_687_500 + chars * 1_041_667)
+        Duration::from_millis(wait_ms)
+            + Duration::from_nanos(silences * 4_687_500 + chars * 1_041_667)
     }
 
     fn assert_near(got: Duration, expected: Duration) {
-        assert!(got.abs_diff(expected) < Duration::from_micros(2), "{got:?}, not {expected:?}");
+        assert!(
+            got.abs_diff(expected) < Duration::from_micros(2),
+            "{got:?}, not {expected:?}"
+        );
     }
 
     #[test]
@@ -381,10 +524,19 @@ mod tests {
         let timing = Timing::for_models(Framing::Mbap, N700.link, [], Duration::ZERO);
         let broadcasts = |model: &mut Model| model.link.broadcast = n700().link.broadcast.clone();
         let model = model(broadcasts);
-        assert!(may_stop_at_once(&[station(&model); 2]), "as on a serial line");
+        assert!(
+            may_stop_at_once(&[station(&model); 2]),
+            "as on a serial line"
+        );
         let bounds = stop_bounds(&timing, [station(&model); 2]);
-        assert_eq!((bounds.all_healthy, bounds.one_silent, bounds.each_further), (ms(10), ms(100), ms(10)));
-        assert_eq!(missing_reply_costs(&timing, &station(&model)), Duration::ZERO);
+        assert_eq!(
+            (bounds.all_healthy, bounds.one_silent, bounds.each_further),
+            (ms(10), ms(100), ms(10))
+        );
+        assert_eq!(
+            missing_reply_costs(&timing, &station(&model)),
+            Duration::ZERO
+        );
     }
 
     #[test]
@@ -395,15 +547,25 @@ mod tests {
         assert_near(long.all_healthy, chars(8 + 21, 1, 10));
         assert_near(long.one_silent, chars(8 + 21 + 21, 2, 100));
         assert_near(long.each_further, chars(8 + 8, 1, 10));
-        assert_near(bounds(&[with_words(1)]).one_silent, chars(8 + 8 + 8, 2, 100));
-        let block = BlockWrite { address: 2_u16.into(), count: fact(10) };
-        let by_blocks = model(|model| (model.read.max_words.value, model.write.block) = (1, Some(block)));
+        assert_near(
+            bounds(&[with_words(1)]).one_silent,
+            chars(8 + 8 + 8, 2, 100),
+        );
+        let block = BlockWrite {
+            address: 2_u16.into(),
+            count: fact(10),
+        };
+        let by_blocks =
+            model(|model| (model.read.max_words.value, model.write.block) = (1, Some(block)));
         assert_near(bounds(&[by_blocks]).one_silent, chars(29 + 8 + 8, 2, 100));
         let long_characters = model(|model| {
             model.read.max_words.value = 1;
             model.timing.reply_char_bits = Some(fact(20));
         });
-        assert_near(bounds(&[long_characters]).one_silent, chars(8 + 16 + 8, 2, 100));
+        assert_near(
+            bounds(&[long_characters]).one_silent,
+            chars(8 + 16 + 8, 2, 100),
+        );
         let slow = model(|model| {
             model.read.max_words.value = 1;
             model.timing.processing_max = Some(fact(Duration::from_millis(30)));
@@ -424,8 +586,17 @@ mod tests {
         // Another drive that is stopped at the same time does not wait for it.
         assert_near(patient.each_further, chars(8 + 8, 1, 10));
         let storing = with_words(8);
-        let timeouts = ReplyTimeouts { stored_write: Duration::from_millis(300), ..station(&storing).timeouts };
-        let storing = PlannedStation { timeouts, ..station(&storing) };
-        assert_near(stop_bounds(&N700, [storing]).one_silent, chars(8 + 8 + 8, 2, 300));
+        let timeouts = ReplyTimeouts {
+            stored_write: Duration::from_millis(300),
+            ..station(&storing).timeouts
+        };
+        let storing = PlannedStation {
+            timeouts,
+            ..station(&storing)
+        };
+        assert_near(
+            stop_bounds(&N700, [storing]).one_silent,
+            chars(8 + 8 + 8, 2, 300),
+        );
     }
 }

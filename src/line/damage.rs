@@ -42,7 +42,9 @@ impl DamageWatch {
     pub fn new(framing: Framing, stations: impl Iterator<Item = Station>) -> Self {
         Self {
             framing,
-            stations: stations.map(|station| (station, DamageCounts::default())).collect(),
+            stations: stations
+                .map(|station| (station, DamageCounts::default()))
+                .collect(),
             between: 0,
             asked: 0,
             function: 0,
@@ -68,7 +70,8 @@ impl DamageWatch {
             TrafficKind::Noise if self.was_answered || !self.is_open => self.between += 1,
             TrafficKind::Noise => {
                 let room = 2 * framing::max_adu_bytes(self.framing) - self.loose.len();
-                self.loose.extend_from_slice(&bytes[..bytes.len().min(room)]);
+                self.loose
+                    .extend_from_slice(&bytes[..bytes.len().min(room)]);
             }
             TrafficKind::Reply => self.was_answered = true,
             TrafficKind::Stray(_) | TrafficKind::Foreign(_) => {}
@@ -77,7 +80,9 @@ impl DamageWatch {
 
     /// A frame of the station at `place` arrived that answers no open request.
     pub fn stray(&mut self, place: usize, stray: Stray) {
-        let Some((_, counts)) = self.stations.get_mut(place) else { return };
+        let Some((_, counts)) = self.stations.get_mut(place) else {
+            return;
+        };
         match stray {
             Stray::Explained => counts.late += 1,
             Stray::BeyondLimit(_) => {
@@ -93,7 +98,8 @@ impl DamageWatch {
     /// The exchange ended, with a `fault` or successfully; its valid reply has `reply_bytes`.
     pub fn ended(&mut self, fault: Option<Fault>, reply_bytes: usize) {
         self.is_open = false;
-        let is_damaged = matches!(fault, Some(Fault::Garbled | Fault::Silent)) && !self.loose.is_empty();
+        let is_damaged =
+            matches!(fault, Some(Fault::Garbled | Fault::Silent)) && !self.loose.is_empty();
         let is_head = is_damaged && self.is_head(reply_bytes);
         let is_cut = is_damaged && self.is_cut(reply_bytes);
         let is_long = reply_bytes >= framing::adu_bytes(self.framing, LONG_REPLY_PDU_BYTES);
@@ -111,7 +117,10 @@ impl DamageWatch {
     /// The counts of the station at `place`.
     #[must_use]
     pub fn of(&self, place: usize) -> DamageCounts {
-        self.stations.get(place).map(|(_, counts)| *counts).unwrap_or_default()
+        self.stations
+            .get(place)
+            .map(|(_, counts)| *counts)
+            .unwrap_or_default()
     }
 
     /// How often bytes without a frame arrived while no reply was awaited.
@@ -138,9 +147,14 @@ impl DamageWatch {
 
     /// The beginning of a reply of the addressed station.
     fn head(&self) -> Vec<u8> {
-        let station = self.stations.get(self.asked).map_or(0, |(station, _)| station.0);
+        let station = self
+            .stations
+            .get(self.asked)
+            .map_or(0, |(station, _)| station.0);
         let mut frame = Vec::new();
-        framing::encode(self.framing, &mut frame, station, |pdu| pdu.push(self.function));
+        framing::encode(self.framing, &mut frame, station, |pdu| {
+            pdu.push(self.function)
+        });
         frame.truncate(head_bytes(self.framing));
         frame
     }
@@ -192,15 +206,55 @@ mod tests {
             (Framing::Rtu, 7, RTU[2..].to_vec(), Fault::Silent, [1, 1, 0]),
             (Framing::Rtu, 7, RTU[3..].to_vec(), Fault::Silent, [1, 0, 0]),
             (Framing::Rtu, 7, RTU[..5].to_vec(), Fault::Silent, [1, 0, 1]),
-            (Framing::Rtu, 7, [&[0xFF], &RTU[..]].concat(), Fault::Silent, [1, 0, 0]),
-            (Framing::Rtu, 7, RTU[1..].to_vec(), Fault::Ignored, [0, 0, 0]),
-            (Framing::Ascii, 15, ascii_with(6, b'1'), Fault::Garbled, [1, 0, 0]),
-            (Framing::Ascii, 15, ascii_with(0, b'*'), Fault::Silent, [1, 1, 0]),
-            (Framing::Ascii, 15, ASCII[1..].to_vec(), Fault::Silent, [1, 1, 0]),
-            (Framing::Ascii, 15, ASCII[..9].to_vec(), Fault::Silent, [1, 0, 1]),
+            (
+                Framing::Rtu,
+                7,
+                [&[0xFF], &RTU[..]].concat(),
+                Fault::Silent,
+                [1, 0, 0],
+            ),
+            (
+                Framing::Rtu,
+                7,
+                RTU[1..].to_vec(),
+                Fault::Ignored,
+                [0, 0, 0],
+            ),
+            (
+                Framing::Ascii,
+                15,
+                ascii_with(6, b'1'),
+                Fault::Garbled,
+                [1, 0, 0],
+            ),
+            (
+                Framing::Ascii,
+                15,
+                ascii_with(0, b'*'),
+                Fault::Silent,
+                [1, 1, 0],
+            ),
+            (
+                Framing::Ascii,
+                15,
+                ASCII[1..].to_vec(),
+                Fault::Silent,
+                [1, 1, 0],
+            ),
+            (
+                Framing::Ascii,
+                15,
+                ASCII[..9].to_vec(),
+                Fault::Silent,
+                [1, 0, 1],
+            ),
         ] {
             let counts = after(framing, whole, &bytes, fault);
-            assert_eq!([counts.damaged, counts.head, counts.cut], [damaged, head, cut], "{bytes:02X?}");
+            assert_eq!(
+                [counts.damaged, counts.head, counts.cut],
+                [damaged, head, cut],
+                "{bytes:02X?}"
+            );
         }
     }
 
@@ -219,7 +273,11 @@ mod tests {
         watch.sent(1, READ);
         watch.heard(TrafficKind::Reply, &RTU);
         watch.ended(None, RTU.len());
-        assert_eq!(watch.of(1).led, 1, "what came before belongs to no later exchange");
+        assert_eq!(
+            watch.of(1).led,
+            1,
+            "what came before belongs to no later exchange"
+        );
     }
 
     #[test]
@@ -235,7 +293,13 @@ mod tests {
         ] {
             watch.stray(place, stray);
         }
-        let counts = |place: usize| (watch.of(place).late, watch.of(place).doubled, watch.of(place).beyond_limit);
+        let counts = |place: usize| {
+            (
+                watch.of(place).late,
+                watch.of(place).doubled,
+                watch.of(place).beyond_limit,
+            )
+        };
         assert_eq!((counts(0), counts(1)), ((1, 1, 0), (2, 0, 1)));
     }
 
@@ -253,7 +317,11 @@ mod tests {
     fn damage_of_long_replies_is_counted_beside_all() {
         for (bytes, long) in [(14, 0), (15, 1)] {
             let counts = after(Framing::Rtu, bytes, &[0], Fault::Silent);
-            assert_eq!((counts.damaged, counts.long, counts.long_damaged), (1, long, long), "{bytes}");
+            assert_eq!(
+                (counts.damaged, counts.long, counts.long_damaged),
+                (1, long, long),
+                "{bytes}"
+            );
         }
     }
 }

@@ -88,7 +88,10 @@ impl Diagnosis {
     /// The port was opened: all evidence is discarded.
     pub fn port_opened(&mut self) {
         let stations = std::mem::take(&mut self.stations);
-        *self = Self::of(self.has_characters, stations.into_iter().map(|seen| seen.station));
+        *self = Self::of(
+            self.has_characters,
+            stations.into_iter().map(|seen| seen.station),
+        );
     }
 
     /// A request is sent to the station at `place`.
@@ -104,13 +107,17 @@ impl Diagnosis {
             TrafficKind::Request | TrafficKind::Echo => {}
             TrafficKind::Noise => self.loose_bytes += bytes.len(),
             TrafficKind::OtherMaster(_) => self.other_requests += 1,
-            TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_) => self.was_frame_heard = true,
+            TrafficKind::Reply | TrafficKind::Stray(_) | TrafficKind::Foreign(_) => {
+                self.was_frame_heard = true
+            }
         }
     }
 
     /// A frame of the station at `place` arrived that answers no open request.
     pub fn stray(&mut self, place: usize, stray: Stray) {
-        let Some(seen) = self.stations.get_mut(place) else { return };
+        let Some(seen) = self.stations.get_mut(place) else {
+            return;
+        };
         seen.was_heard = true;
         match stray {
             Stray::Explained | Stray::WrongForm(_) => {}
@@ -121,7 +128,9 @@ impl Diagnosis {
 
     /// `reply` was all that came to `request` from the station at `place`.
     pub fn wrong_reply(&mut self, place: usize, request: HeardFrame, reply: HeardFrame) {
-        let Some(seen) = self.stations.get_mut(place) else { return };
+        let Some(seen) = self.stations.get_mut(place) else {
+            return;
+        };
         seen.was_heard = true;
         seen.wrong_replies += 1;
         seen.wrong = Some((request, reply));
@@ -134,9 +143,17 @@ impl Diagnosis {
         let is_silent = matches!(fault, Some(Fault::Silent | Fault::Unreachable));
         if let Some(seen) = self.stations.get_mut(self.asked) {
             seen.was_heard |= is_answer;
-            seen.silences = if is_silent { seen.silences.saturating_add(1) } else { 0 };
+            seen.silences = if is_silent {
+                seen.silences.saturating_add(1)
+            } else {
+                0
+            };
         }
-        self.silences = if self.was_anything_heard { 0 } else { self.silences.saturating_add(1) };
+        self.silences = if self.was_anything_heard {
+            0
+        } else {
+            self.silences.saturating_add(1)
+        };
         if self.loose_bytes > 0 && !is_answer {
             match self.loose_bytes.cmp(&reply_bytes) {
                 std::cmp::Ordering::Equal => self.right_length += 1,
@@ -155,9 +172,10 @@ impl Diagnosis {
             self.found = Some(pattern);
         }
         let is_settled = match self.found {
-            Some(Suspicion::OneSilent(station) | Suspicion::OneUnitSilent(station)) => {
-                self.stations.iter().any(|it| it.station == station && it.was_heard)
-            }
+            Some(Suspicion::OneSilent(station) | Suspicion::OneUnitSilent(station)) => self
+                .stations
+                .iter()
+                .any(|it| it.station == station && it.was_heard),
             Some(Suspicion::NothingHeard | Suspicion::ServerSilent) => self.was_anything_heard,
             Some(
                 Suspicion::DuplicateStation(_)
@@ -182,31 +200,54 @@ impl Diagnosis {
         if self.other_requests >= SIGNS {
             return Some(Suspicion::OtherMaster);
         }
-        if let Some(twice) = self.stations.iter().find(|seen| seen.second_replies >= SIGNS) {
+        if let Some(twice) = self
+            .stations
+            .iter()
+            .find(|seen| seen.second_replies >= SIGNS)
+        {
             return Some(Suspicion::DuplicateStation(twice.station));
         }
         if let Some(late) = self.stations.iter().find(|seen| seen.beyond_limit > 0) {
             return Some(Suspicion::LateBeyondLimit(late.station));
         }
-        let wrong = self.stations.iter().filter(|seen| seen.wrong_replies >= SIGNS);
+        let wrong = self
+            .stations
+            .iter()
+            .filter(|seen| seen.wrong_replies >= SIGNS);
         let wrong = wrong.filter_map(|seen| {
             let (request, reply) = seen.wrong?;
-            Some(Suspicion::WrongReplies { station: seen.station, request, reply })
+            Some(Suspicion::WrongReplies {
+                station: seen.station,
+                request,
+                reply,
+            })
         });
         if let Some(wrong) = wrong.take(1).next() {
             return Some(wrong);
         }
         if !self.was_anything_heard {
-            let silence = if self.has_characters { Suspicion::NothingHeard } else { Suspicion::ServerSilent };
+            let silence = if self.has_characters {
+                Suspicion::NothingHeard
+            } else {
+                Suspicion::ServerSilent
+            };
             return (self.silences >= SILENCES).then_some(silence);
         }
         if !self.was_frame_heard {
             let damaged = self.right_length + self.too_few + self.too_many;
             return (damaged >= SIGNS).then(|| self.of_loose_bytes());
         }
-        let others_answer = |silent: &&StationHistory| !silent.was_heard && silent.silences >= SILENCES;
-        let one_silent = if self.has_characters { Suspicion::OneSilent } else { Suspicion::OneUnitSilent };
-        self.stations.iter().find(others_answer).map(|silent| one_silent(silent.station))
+        let others_answer =
+            |silent: &&StationHistory| !silent.was_heard && silent.silences >= SILENCES;
+        let one_silent = if self.has_characters {
+            Suspicion::OneSilent
+        } else {
+            Suspicion::OneUnitSilent
+        };
+        self.stations
+            .iter()
+            .find(others_answer)
+            .map(|silent| one_silent(silent.station))
     }
 
     fn of_loose_bytes(&self) -> Suspicion {
@@ -238,7 +279,10 @@ impl Diagnosis {
 /// Whether both suspect the same of the same station, whatever frames show it.
 fn is_same(one: Suspicion, other: Suspicion) -> bool {
     match (one, other) {
-        (Suspicion::WrongReplies { station: one, .. }, Suspicion::WrongReplies { station: other, .. }) => one == other,
+        (
+            Suspicion::WrongReplies { station: one, .. },
+            Suspicion::WrongReplies { station: other, .. },
+        ) => one == other,
         _ => one == other,
     }
 }
@@ -249,9 +293,15 @@ mod tests {
     use std::time::Duration;
 
     /// One exchange with the first station: what is received and how it ends, with 7 bytes expected.
-    fn exchange(diagnosis: &mut Diagnosis, heard: &[(TrafficKind, &[u8])], fault: Option<Fault>) -> Option<Suspicion> {
+    fn exchange(
+        diagnosis: &mut Diagnosis,
+        heard: &[(TrafficKind, &[u8])],
+        fault: Option<Fault>,
+    ) -> Option<Suspicion> {
         diagnosis.sent(0);
-        heard.iter().for_each(|(kind, bytes)| diagnosis.heard(*kind, bytes));
+        heard
+            .iter()
+            .for_each(|(kind, bytes)| diagnosis.heard(*kind, bytes));
         diagnosis.ended(fault, 7);
         diagnosis.suspicion()
     }
@@ -267,14 +317,36 @@ mod tests {
         let reply = [1; 7];
         for (heard, fault, expected) in [
             (&[][..], Some(Fault::Silent), Suspicion::NothingHeard),
-            (&[(Noise, &noise[..7])], Some(Fault::Garbled), Suspicion::AlwaysDamaged),
-            (&[(Noise, &noise[..3])], Some(Fault::Silent), Suspicion::DrivesAreFaster),
-            (&[(Noise, &noise[..15])], Some(Fault::Silent), Suspicion::DrivesAreSlower),
-            (&[(OtherMaster(Station(9)), &noise), (Reply, &reply)], None, Suspicion::OtherMaster),
+            (
+                &[(Noise, &noise[..7])],
+                Some(Fault::Garbled),
+                Suspicion::AlwaysDamaged,
+            ),
+            (
+                &[(Noise, &noise[..3])],
+                Some(Fault::Silent),
+                Suspicion::DrivesAreFaster,
+            ),
+            (
+                &[(Noise, &noise[..15])],
+                Some(Fault::Silent),
+                Suspicion::DrivesAreSlower,
+            ),
+            (
+                &[(OtherMaster(Station(9)), &noise), (Reply, &reply)],
+                None,
+                Suspicion::OtherMaster,
+            ),
         ] {
             let mut diagnosis = line();
-            assert_eq!(exchange(&mut diagnosis, heard, fault), None, "once is chance: {expected:?}");
-            let found = (0..4).filter_map(|_| exchange(&mut diagnosis, heard, fault)).last();
+            assert_eq!(
+                exchange(&mut diagnosis, heard, fault),
+                None,
+                "once is chance: {expected:?}"
+            );
+            let found = (0..4)
+                .filter_map(|_| exchange(&mut diagnosis, heard, fault))
+                .last();
             assert_eq!(found, Some(expected));
         }
     }
@@ -285,7 +357,9 @@ mod tests {
         for (heard, fault) in [(7, Fault::Garbled), (3, Fault::Silent), (15, Fault::Silent)] {
             let mut diagnosis = line();
             let noise = [(TrafficKind::Noise, &[0xFE; 20][..heard])];
-            let found = (0..5).filter_map(|_| exchange(&mut diagnosis, &noise, Some(fault))).last();
+            let found = (0..5)
+                .filter_map(|_| exchange(&mut diagnosis, &noise, Some(fault)))
+                .last();
             assert_eq!(found, Some(Suspicion::NotModbusTcp), "{heard}");
         }
         let mut diagnosis = line();
@@ -294,10 +368,22 @@ mod tests {
             diagnosis.sent(1);
             diagnosis.ended(Some(Fault::Silent), 7);
         }
-        assert_eq!(diagnosis.suspicion(), Some(Suspicion::OneUnitSilent(Station(2))));
-        for suspicion in [Suspicion::NotModbusTcp, Suspicion::ServerSilent, Suspicion::OneUnitSilent(Station(2))] {
+        assert_eq!(
+            diagnosis.suspicion(),
+            Some(Suspicion::OneUnitSilent(Station(2)))
+        );
+        for suspicion in [
+            Suspicion::NotModbusTcp,
+            Suspicion::ServerSilent,
+            Suspicion::OneUnitSilent(Station(2)),
+        ] {
             let text = suspicion.to_string();
-            assert!(!["speed", "parity", "wiring"].iter().any(|word| text.contains(word)), "{text}");
+            assert!(
+                !["speed", "parity", "wiring"]
+                    .iter()
+                    .any(|word| text.contains(word)),
+                "{text}"
+            );
         }
     }
 
@@ -309,7 +395,10 @@ mod tests {
             diagnosis.sent(1);
             diagnosis.ended(Some(Fault::Silent), 7);
         }
-        assert_eq!(diagnosis.suspicion(), Some(Suspicion::OneSilent(Station(2))));
+        assert_eq!(
+            diagnosis.suspicion(),
+            Some(Suspicion::OneSilent(Station(2)))
+        );
         diagnosis.ended(None, 7);
         assert_eq!(diagnosis.suspicion(), None);
     }
@@ -321,21 +410,36 @@ mod tests {
             exchange(&mut diagnosis, &[], Some(Fault::Silent));
         }
         assert_eq!(diagnosis.suspicion(), Some(Suspicion::NothingHeard));
-        assert_eq!(exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None), None);
+        assert_eq!(
+            exchange(&mut diagnosis, &[(TrafficKind::Reply, &[1; 7])], None),
+            None
+        );
     }
 
     #[test]
     fn frames_that_nothing_explains_name_their_station() {
         let reply = [(TrafficKind::Reply, &[1; 7][..])];
         for (stray, signs, expected) in [
-            (Stray::TooMany(Duration::ZERO), SIGNS, Some(Suspicion::DuplicateStation(Station(2)))),
+            (
+                Stray::TooMany(Duration::ZERO),
+                SIGNS,
+                Some(Suspicion::DuplicateStation(Station(2))),
+            ),
             (Stray::TooMany(Duration::ZERO), SIGNS - 1, None),
-            (Stray::BeyondLimit(Duration::ZERO), 1, Some(Suspicion::LateBeyondLimit(Station(2)))),
+            (
+                Stray::BeyondLimit(Duration::ZERO),
+                1,
+                Some(Suspicion::LateBeyondLimit(Station(2))),
+            ),
             (Stray::Explained, 100, None),
         ] {
             let mut diagnosis = line();
             (0..signs).for_each(|_| diagnosis.stray(1, stray));
-            assert_eq!(exchange(&mut diagnosis, &reply, None), expected, "{stray:?}");
+            assert_eq!(
+                exchange(&mut diagnosis, &reply, None),
+                expected,
+                "{stray:?}"
+            );
         }
     }
 
@@ -350,8 +454,21 @@ mod tests {
         }
         let found = diagnosis.suspicion();
         let [request, reply] = frames;
-        assert_eq!(found, Some(Suspicion::WrongReplies { station: Station(1), request, reply }));
-        assert!(found.unwrap().to_string().contains("01 03 04 00 00 00 to 01 03 20 00 00 01"), "{found:?}");
+        assert_eq!(
+            found,
+            Some(Suspicion::WrongReplies {
+                station: Station(1),
+                request,
+                reply
+            })
+        );
+        assert!(
+            found
+                .unwrap()
+                .to_string()
+                .contains("01 03 04 00 00 00 to 01 03 20 00 00 01"),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -367,7 +484,16 @@ mod tests {
         }
         told.dedup();
         assert!(
-            matches!(told.as_slice(), [None, Some(Suspicion::WrongReplies { station: Station(1), .. })]),
+            matches!(
+                told.as_slice(),
+                [
+                    None,
+                    Some(Suspicion::WrongReplies {
+                        station: Station(1),
+                        ..
+                    })
+                ]
+            ),
             "{told:?}"
         );
     }
@@ -380,8 +506,14 @@ mod tests {
             diagnosis.stray(0, Stray::TooMany(Duration::ZERO));
             exchange(&mut diagnosis, &reply, None);
         }
-        assert_eq!(diagnosis.suspicion(), Some(Suspicion::DuplicateStation(Station(1))));
+        assert_eq!(
+            diagnosis.suspicion(),
+            Some(Suspicion::DuplicateStation(Station(1)))
+        );
         let left = (0..3 * WINDOW).position(|_| exchange(&mut diagnosis, &reply, None).is_none());
-        assert!(left.is_some_and(|left| left <= 2 * WINDOW as usize), "{left:?}");
+        assert!(
+            left.is_some_and(|left| left <= 2 * WINDOW as usize),
+            "{left:?}"
+        );
     }
 }

@@ -44,13 +44,20 @@ impl EchoWatch {
     /// A watch on a line where an echo is possible, or not.
     #[must_use]
     pub fn new(is_possible: bool) -> Self {
-        Self { is_impossible: !is_possible, ..Self::default() }
+        Self {
+            is_impossible: !is_possible,
+            ..Self::default()
+        }
     }
 
     /// What is known.
     #[must_use]
     pub const fn known(&self) -> LocalEcho {
-        if self.is_impossible { LocalEcho::Excluded } else { self.known }
+        if self.is_impossible {
+            LocalEcho::Excluded
+        } else {
+            self.known
+        }
     }
 
     /// Whether an answer that repeats its request proves that the drive has sent it.
@@ -66,8 +73,19 @@ impl EchoWatch {
 
     /// `frame` is sent; `differs`: its valid reply does not repeat it.
     pub fn sent(&mut self, frame: &[u8], differs: bool) {
-        let Self { is_impossible, known, clean_reads, .. } = *self;
-        *self = Self { is_impossible, known, clean_reads, differs, ..Self::default() };
+        let Self {
+            is_impossible,
+            known,
+            clean_reads,
+            ..
+        } = *self;
+        *self = Self {
+            is_impossible,
+            known,
+            clean_reads,
+            differs,
+            ..Self::default()
+        };
         self.sent.extend_from_slice(frame);
     }
 
@@ -84,7 +102,11 @@ impl EchoWatch {
                 self.is_supported();
             }
             // Twice the same: an echo and the drive's reply, or two drives with the same number. A read decides.
-            _ if self.is_over && !self.differs && self.known != LocalEcho::Found && bytes == self.sent => {
+            _ if self.is_over
+                && !self.differs
+                && self.known != LocalEcho::Found
+                && bytes == self.sent =>
+            {
                 self.known = LocalEcho::Unknown;
             }
             _ if !self.was_answered => self.others += bytes.len(),
@@ -139,12 +161,18 @@ mod tests {
     #[test]
     fn where_nothing_can_echo_no_copy_is_an_echo() {
         let mut watch = EchoWatch::new(false);
-        for kind in [TrafficKind::Echo, TrafficKind::Stray(crate::domain::ids::Station(1))] {
+        for kind in [
+            TrafficKind::Echo,
+            TrafficKind::Stray(crate::domain::ids::Station(1)),
+        ] {
             watch.port_opened();
             watch.sent(b"frame", false);
             watch.ended();
             watch.heard(kind, b"frame");
-            assert_eq!((watch.known(), watch.misses_echo()), (LocalEcho::Excluded, false));
+            assert_eq!(
+                (watch.known(), watch.misses_echo()),
+                (LocalEcho::Excluded, false)
+            );
             assert!(watch.proves_echoes());
         }
     }
@@ -176,7 +204,11 @@ mod tests {
             (&[(Noise, &READ[..7])], LocalEcho::Unknown),
             (&[(Reply, &REPLY), (Noise, &READ)], LocalEcho::Excluded),
         ] {
-            assert_eq!(exchange(&mut EchoWatch::default(), heard), expected, "{heard:02X?}");
+            assert_eq!(
+                exchange(&mut EchoWatch::default(), heard),
+                expected,
+                "{heard:02X?}"
+            );
         }
     }
 
@@ -203,17 +235,27 @@ mod tests {
     /// The copy of a write may be the drive's own reply, mistaken for an echo.
     #[test]
     fn only_a_write_that_comes_back_twice_supports_the_belief_in_an_echo() {
-        for (heard, expected) in
-            [(&[(Echo, &WRITE)][..], LocalEcho::Excluded), (&[(Echo, &WRITE), (Reply, &WRITE)], LocalEcho::Found)]
-        {
+        for (heard, expected) in [
+            (&[(Echo, &WRITE)][..], LocalEcho::Excluded),
+            (&[(Echo, &WRITE), (Reply, &WRITE)], LocalEcho::Found),
+        ] {
             let mut watch = EchoWatch::default();
-            assert_eq!(exchange(&mut watch, &[(Echo, &READ), (Reply, &REPLY)]), LocalEcho::Found);
+            assert_eq!(
+                exchange(&mut watch, &[(Echo, &READ), (Reply, &REPLY)]),
+                LocalEcho::Found
+            );
             assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), LocalEcho::Found);
             watch.sent(&WRITE, false);
-            heard.iter().for_each(|(kind, bytes)| watch.heard(*kind, *bytes));
+            heard
+                .iter()
+                .for_each(|(kind, bytes)| watch.heard(*kind, *bytes));
             watch.ended();
             assert_eq!(watch.known(), LocalEcho::Found);
-            assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), expected, "{heard:02X?}");
+            assert_eq!(
+                exchange(&mut watch, &[(Reply, &REPLY)]),
+                expected,
+                "{heard:02X?}"
+            );
         }
     }
 
@@ -224,9 +266,17 @@ mod tests {
         watch.sent(&WRITE, false);
         watch.heard(Reply, &WRITE);
         watch.ended();
-        assert_eq!(watch.known(), LocalEcho::Excluded, "a write alone tells nothing");
+        assert_eq!(
+            watch.known(),
+            LocalEcho::Excluded,
+            "a write alone tells nothing"
+        );
         watch.heard(Stray(Station(1)), &WRITE);
         assert_eq!(watch.known(), LocalEcho::Unknown);
-        assert_eq!(exchange(&mut watch, &[(Reply, &REPLY)]), LocalEcho::Excluded, "it was a second drive");
+        assert_eq!(
+            exchange(&mut watch, &[(Reply, &REPLY)]),
+            LocalEcho::Excluded,
+            "it was a second drive"
+        );
     }
 }

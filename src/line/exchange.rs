@@ -57,7 +57,9 @@ pub(super) fn answer_in(exchange: &Exchange, pdu: &[u8]) -> Option<Ending> {
     }
     let reply = exchange.request.reply_in(pdu)?;
     match (&exchange.request, &reply) {
-        (Request::WriteSingle { value, .. }, Reply::Holds { value: held }) if exchange.in_doubt && value != held => {
+        (Request::WriteSingle { value, .. }, Reply::Holds { value: held })
+            if exchange.in_doubt && value != held =>
+        {
             None
         }
         _ => Some(Ending::Reply(reply)),

@@ -67,21 +67,66 @@ pub const fn consequence(fault: Fault) -> Consequence {
         reopens_port: false,
     };
     match fault {
-        Fault::Garbled => Consequence { ends_exchange: true, repeats_read: true, reply_may_come_late: true, ..none },
-        Fault::Silent => Consequence { ends_exchange: true, reply_may_come_late: true, backs_off: true, ..none },
-        Fault::Ignored => Consequence { ends_exchange: true, reply_may_come_late: true, ..none },
-        Fault::Deaf => Consequence { ends_exchange: true, ..none },
+        Fault::Garbled => Consequence {
+            ends_exchange: true,
+            repeats_read: true,
+            reply_may_come_late: true,
+            ..none
+        },
+        Fault::Silent => Consequence {
+            ends_exchange: true,
+            reply_may_come_late: true,
+            backs_off: true,
+            ..none
+        },
+        Fault::Ignored => Consequence {
+            ends_exchange: true,
+            reply_may_come_late: true,
+            ..none
+        },
+        Fault::Deaf => Consequence {
+            ends_exchange: true,
+            ..none
+        },
         // The drive is as silent as before; whether it obeyed is not known.
-        Fault::Unreachable => Consequence { ends_exchange: true, backs_off: true, ..none },
-        Fault::Stray => Consequence { drive_is_there: true, ..none },
+        Fault::Unreachable => Consequence {
+            ends_exchange: true,
+            backs_off: true,
+            ..none
+        },
+        Fault::Stray => Consequence {
+            drive_is_there: true,
+            ..none
+        },
         // Another master's requests say nothing about the drives that they address.
         Fault::Foreign | Fault::Echoed | Fault::OtherMaster | Fault::Jammed => none,
-        Fault::Mute => Consequence { reopens_port: true, ..none },
-        Fault::Refused | Fault::KeptOldValue => Consequence { ends_exchange: true, drive_is_there: true, ..none },
-        Fault::DamagedRequest => Consequence { ends_exchange: true, repeats_read: true, drive_is_there: true, ..none },
+        Fault::Mute => Consequence {
+            reopens_port: true,
+            ..none
+        },
+        Fault::Refused | Fault::KeptOldValue => Consequence {
+            ends_exchange: true,
+            drive_is_there: true,
+            ..none
+        },
+        Fault::DamagedRequest => Consequence {
+            ends_exchange: true,
+            repeats_read: true,
+            drive_is_there: true,
+            ..none
+        },
         // No reply follows on a connection that is given up.
-        Fault::OutOfStep => Consequence { ends_exchange: true, reopens_port: true, ..none },
-        Fault::PortGone => Consequence { ends_exchange: true, reply_may_come_late: true, reopens_port: true, ..none },
+        Fault::OutOfStep => Consequence {
+            ends_exchange: true,
+            reopens_port: true,
+            ..none
+        },
+        Fault::PortGone => Consequence {
+            ends_exchange: true,
+            reply_may_come_late: true,
+            reopens_port: true,
+            ..none
+        },
     }
 }
 
@@ -99,10 +144,19 @@ mod tests {
         (Fault::Stray, [false, false, false, false, true, false]),
         (Fault::Foreign, [false, false, false, false, false, false]),
         (Fault::Refused, [true, false, false, false, true, false]),
-        (Fault::KeptOldValue, [true, false, false, false, true, false]),
-        (Fault::DamagedRequest, [true, true, false, false, true, false]),
+        (
+            Fault::KeptOldValue,
+            [true, false, false, false, true, false],
+        ),
+        (
+            Fault::DamagedRequest,
+            [true, true, false, false, true, false],
+        ),
         (Fault::Echoed, [false, false, false, false, false, false]),
-        (Fault::OtherMaster, [false, false, false, false, false, false]),
+        (
+            Fault::OtherMaster,
+            [false, false, false, false, false, false],
+        ),
         (Fault::Jammed, [false, false, false, false, false, false]),
         (Fault::Mute, [false, false, false, false, false, true]),
         (Fault::OutOfStep, [true, false, false, false, false, true]),
@@ -113,8 +167,14 @@ mod tests {
     fn what_follows_from_each_fault() {
         for (fault, row) in TABLE {
             let c = consequence(fault);
-            let got =
-                [c.ends_exchange, c.repeats_read, c.reply_may_come_late, c.backs_off, c.drive_is_there, c.reopens_port];
+            let got = [
+                c.ends_exchange,
+                c.repeats_read,
+                c.reply_may_come_late,
+                c.backs_off,
+                c.drive_is_there,
+                c.reopens_port,
+            ];
             assert_eq!(got, row, "{fault:?}");
         }
     }

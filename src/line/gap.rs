@@ -52,7 +52,11 @@ impl Gap {
     /// Nothing was heard. `slot` differs between the ranks, and `seed` between all gateways.
     #[must_use]
     pub fn new(slot: Duration, seed: u64) -> Self {
-        Self { slot, seed, ..Self::default() }
+        Self {
+            slot,
+            seed,
+            ..Self::default()
+        }
     }
 
     /// An exchange of the other master ended at `at`.
@@ -84,14 +88,19 @@ impl Gap {
     /// When a frame that may be sent `at` some moment is sent, if the line is left silent for `room` after each burst.
     #[must_use]
     pub fn in_burst(&self, at: MonoTime, room: Duration) -> MonoTime {
-        let Some(end) = self.burst_from.map(|from| from + BURST) else { return at };
+        let Some(end) = self.burst_from.map(|from| from + BURST) else {
+            return at;
+        };
         if at >= end { at.max(end + room) } else { at }
     }
 
     /// When a stop that was sent before, and is due at `due`, may be sent again.
     #[must_use]
     pub fn again_at(&self, due: MonoTime, last_byte_at: MonoTime, now: MonoTime) -> MonoTime {
-        let again_at = self.stopped_at.filter(|_| !self.was_repeated).map_or(due, |at| at + AGAIN_AFTER);
+        let again_at = self
+            .stopped_at
+            .filter(|_| !self.was_repeated)
+            .map_or(due, |at| at + AGAIN_AFTER);
         self.stop_at(due.max(again_at), last_byte_at, now)
     }
 
@@ -102,8 +111,15 @@ impl Gap {
         let fits = |at: &MonoTime| due <= *at + BEHIND && now <= *at + BEHIND + self.wait;
         let behind = self.ended_at.filter(fits).map(|at| due.max(at) + self.wait);
         // A stop in place of an answer would cost both.
-        let answered_at = self.asked_at.map_or(due, |at| at + BEHIND).min(due + PATIENCE * 2);
-        let any = (due + PATIENCE).max(answered_at).min(due.max(last_byte_at + QUIET)) + self.slot + self.wait;
+        let answered_at = self
+            .asked_at
+            .map_or(due, |at| at + BEHIND)
+            .min(due + PATIENCE * 2);
+        let any = (due + PATIENCE)
+            .max(answered_at)
+            .min(due.max(last_byte_at + QUIET))
+            + self.slot
+            + self.wait;
         behind.map_or(any, |behind| behind.min(any))
     }
 
@@ -120,7 +136,11 @@ impl Gap {
         if self.burst_from.is_none_or(|from| now >= from + BURST) {
             self.burst_from = Some(now);
         }
-        let at = if is_stop { &mut self.stopped_at } else { &mut self.looked_at };
+        let at = if is_stop {
+            &mut self.stopped_at
+        } else {
+            &mut self.looked_at
+        };
         *at = Some(now);
     }
 
@@ -159,20 +179,44 @@ mod tests {
     #[test]
     fn a_stop_goes_behind_an_exchange_or_into_a_long_silence_or_after_a_second() {
         let mut gap = Gap::default();
-        assert_eq!(gap.stop_at(MS(1000), MS(990), MS(1000)), MS(1740), "nothing is heard any more");
+        assert_eq!(
+            gap.stop_at(MS(1000), MS(990), MS(1000)),
+            MS(1740),
+            "nothing is heard any more"
+        );
         let second = Gap::new(Duration::from_millis(30), 0);
-        assert_eq!(second.stop_at(MS(1000), MS(990), MS(1000)), MS(1770), "the first rank is heard before");
-        assert_eq!(gap.stop_at(MS(1000), MS(1900), MS(1900)), MS(2000), "frames without an end");
+        assert_eq!(
+            second.stop_at(MS(1000), MS(990), MS(1000)),
+            MS(1770),
+            "the first rank is heard before"
+        );
+        assert_eq!(
+            gap.stop_at(MS(1000), MS(1900), MS(1900)),
+            MS(2000),
+            "frames without an end"
+        );
         gap.exchange_ended(MS(1100));
         assert_eq!(gap.stop_at(MS(1000), MS(1100), MS(1100)), MS(1100));
         assert_eq!(gap.stop_at(MS(1120), MS(1100), MS(1120)), MS(1120));
-        assert_eq!(gap.stop_at(MS(1160), MS(1100), MS(1160)), MS(1850), "the next request may be on its way");
+        assert_eq!(
+            gap.stop_at(MS(1160), MS(1100), MS(1160)),
+            MS(1850),
+            "the next request may be on its way"
+        );
         gap.is_over();
         assert_eq!(gap.stop_at(MS(1000), MS(1110), MS(1110)), MS(1860));
         gap.asked(MS(1990));
-        assert_eq!(gap.stop_at(MS(1000), MS(1990), MS(1990)), MS(2040), "not in place of an answer");
+        assert_eq!(
+            gap.stop_at(MS(1000), MS(1990), MS(1990)),
+            MS(2040),
+            "not in place of an answer"
+        );
         gap.asked(MS(2970));
-        assert_eq!(gap.stop_at(MS(1000), MS(2970), MS(2970)), MS(3000), "but not without end");
+        assert_eq!(
+            gap.stop_at(MS(1000), MS(2970), MS(2970)),
+            MS(3000),
+            "but not without end"
+        );
     }
 
     #[test]
@@ -184,7 +228,11 @@ mod tests {
             assert!(gap.may_repeat(MS(1100)));
             let at = gap.stop_at(MS(1100), MS(1000), MS(1100));
             assert!(at >= MS(1100) && at <= MS(1100) + SPREAD);
-            assert_eq!(gap.stop_at(MS(1100), MS(1000), at), at, "it is still time for it then");
+            assert_eq!(
+                gap.stop_at(MS(1100), MS(1000), at),
+                at,
+                "it is still time for it then"
+            );
             gap.answered();
             gap.exchange_ended(MS(2000));
             assert_eq!(gap.stop_at(MS(1100), MS(2000), MS(2000)), MS(2000));
@@ -202,7 +250,10 @@ mod tests {
         assert_eq!(gap.in_burst(MS(1999), room), MS(1999));
         assert_eq!(gap.in_burst(MS(2000), room), MS(6000));
         gap.decided(MS(6000), true);
-        assert_eq!((gap.in_burst(MS(6500), room), gap.in_burst(MS(7000), room)), (MS(6500), MS(11_000)));
+        assert_eq!(
+            (gap.in_burst(MS(6500), room), gap.in_burst(MS(7000), room)),
+            (MS(6500), MS(11_000))
+        );
     }
 
     #[test]
@@ -215,9 +266,17 @@ mod tests {
         gap.decided(MS(1105), true);
         assert!(!gap.take_frame(MS(1205)), "too late");
         assert!(!gap.may_repeat(MS(1300)));
-        assert_eq!(gap.again_at(MS(1300), MS(1290), MS(1300)), MS(2040), "nothing is heard");
+        assert_eq!(
+            gap.again_at(MS(1300), MS(1290), MS(1300)),
+            MS(2040),
+            "nothing is heard"
+        );
         gap.exchange_ended(MS(1600));
-        assert_eq!(gap.again_at(MS(1300), MS(1600), MS(1600)), MS(1605), "half a second after the last one");
+        assert_eq!(
+            gap.again_at(MS(1300), MS(1600), MS(1600)),
+            MS(1605),
+            "half a second after the last one"
+        );
         gap.decided(MS(1605), false);
         assert_eq!(gap.look_at(MS(1605), MS(1700), MS(1700)), MS(2450));
         gap.decided(MS(2000), true);

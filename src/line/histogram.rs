@@ -20,14 +20,20 @@ pub struct Histogram {
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self { counts: [0; BUCKETS.count()], total: 0, longest: [0; 2] }
+        Self {
+            counts: [0; BUCKETS.count()],
+            total: 0,
+            longest: [0; 2],
+        }
     }
 }
 
 impl Histogram {
     /// Counts `time`.
     pub fn add(&mut self, time: Duration) {
-        let micros = u64::try_from(time.as_micros()).unwrap_or(u64::MAX).min(BUCKETS.number_max());
+        let micros = u64::try_from(time.as_micros())
+            .unwrap_or(u64::MAX)
+            .min(BUCKETS.number_max());
         let [longest, _] = &mut self.longest;
         *longest = micros.max(*longest);
         if let Some(count) = self.counts.get_mut(BUCKETS.place(micros)) {
@@ -63,7 +69,11 @@ impl Histogram {
                 let [newer, older] = self.longest;
                 let longest = newer.max(older);
                 let is_in_it = BUCKETS.place(longest) == place;
-                return Duration::from_micros(if is_in_it { longest } else { BUCKETS.upper_end(place) });
+                return Duration::from_micros(if is_in_it {
+                    longest
+                } else {
+                    BUCKETS.upper_end(place)
+                });
             }
         }
         Duration::ZERO
@@ -83,15 +93,24 @@ mod tests {
     #[test]
     fn percentiles_count_from_the_longest() {
         let mut times = Histogram::default();
-        assert_eq!((times.all_but(1), times.longest()), (Duration::ZERO, Duration::ZERO));
+        assert_eq!(
+            (times.all_but(1), times.longest()),
+            (Duration::ZERO, Duration::ZERO)
+        );
         (1..=1000).for_each(|millis| times.add(Duration::from_millis(millis)));
         for (above, millis) in [(500, 500), (100, 900), (10, 990), (1, 999), (0, 1000)] {
             let found = times.all_but(above).as_secs_f64() * 1e3;
-            assert!((f64::from(millis)..=f64::from(millis) * 1.0626).contains(&found), "{above}: {found}");
+            assert!(
+                (f64::from(millis)..=f64::from(millis) * 1.0626).contains(&found),
+                "{above}: {found}"
+            );
         }
         assert_eq!(times.longest(), Duration::from_secs(1));
         times.add(Duration::MAX);
-        assert!(times.longest() > Duration::from_secs(130), "what is beyond all counts as the longest");
+        assert!(
+            times.longest() > Duration::from_secs(130),
+            "what is beyond all counts as the longest"
+        );
     }
 
     #[test]

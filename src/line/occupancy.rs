@@ -14,7 +14,10 @@ pub struct Occupancy {
 impl Occupancy {
     /// The state when the port is opened at `now`.
     pub const fn new(now: MonoTime) -> Self {
-        Self { since: now, holds_until: MonoTime::ZERO }
+        Self {
+            since: now,
+            holds_until: MonoTime::ZERO,
+        }
     }
 
     /// When it began.
@@ -31,7 +34,11 @@ impl Occupancy {
 
     /// One of our frames was sent at `now`, and no other may be sent before `free_at`.
     pub fn sent(&mut self, now: MonoTime, pause_at: MonoTime, free_at: MonoTime) {
-        self.holds_until = if now < pause_at { free_at } else { MonoTime::ZERO };
+        self.holds_until = if now < pause_at {
+            free_at
+        } else {
+            MonoTime::ZERO
+        };
     }
 }
 

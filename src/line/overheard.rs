@@ -51,8 +51,15 @@ impl Listener {
     /// Takes the next sound frame of the line, from or for `station`.
     pub fn take(&mut self, station: Station, pdu: &[u8]) -> Overheard {
         if let Some((asked, request)) = self.open.take() {
-            if let Some(ending) = (asked == station).then(|| answer(station, &request, pdu)).flatten() {
-                return Overheard::Answer { station, request, ending };
+            if let Some(ending) = (asked == station)
+                .then(|| answer(station, &request, pdu))
+                .flatten()
+            {
+                return Overheard::Answer {
+                    station,
+                    request,
+                    ending,
+                };
             }
             return match Request::decode(pdu) {
                 Some(next) => self.open_with(station, next, Some(asked)),
@@ -65,16 +72,30 @@ impl Listener {
         }
     }
 
-    fn open_with(&mut self, station: Station, request: Request, unanswered: Option<Station>) -> Overheard {
+    fn open_with(
+        &mut self,
+        station: Station,
+        request: Request,
+        unanswered: Option<Station>,
+    ) -> Overheard {
         // A broadcast is not answered.
         let is_broadcast = station == Station(0);
         self.open = (!is_broadcast).then(|| (station, request.clone()));
-        Overheard::Request { station, request, unanswered }
+        Overheard::Request {
+            station,
+            request,
+            unanswered,
+        }
     }
 }
 
 fn answer(station: Station, request: &Request, pdu: &[u8]) -> Option<Ending> {
-    let exchange = Exchange { station, request: request.clone(), timeout: Duration::ZERO, in_doubt: false };
+    let exchange = Exchange {
+        station,
+        request: request.clone(),
+        timeout: Duration::ZERO,
+        in_doubt: false,
+    };
     answer_in(&exchange, pdu)
 }
 
@@ -103,21 +124,36 @@ mod tests {
             request: request.clone(),
             unanswered,
         };
-        let answered =
-            |station, request: &Request, ending| Overheard::Answer { station, request: request.clone(), ending };
+        let answered = |station, request: &Request, ending| Overheard::Answer {
+            station,
+            request: request.clone(),
+            ending,
+        };
         let words = [3, 4, 0, 5, 0, 6];
         let steps: Vec<(Station, Vec<u8>, Overheard)> = vec![
             (ONE, words.to_vec(), Overheard::Alone),
             (ONE, pdu(&read), asked(ONE, &read, None)),
-            (ONE, words.to_vec(), answered(ONE, &read, Ending::Reply(Reply::Words(vec![5, 6])))),
+            (
+                ONE,
+                words.to_vec(),
+                answered(ONE, &read, Ending::Reply(Reply::Words(vec![5, 6]))),
+            ),
             (ONE, words.to_vec(), Overheard::Alone),
             (TWO, pdu(&write), asked(TWO, &write, None)),
-            (TWO, pdu(&write), answered(TWO, &write, Ending::Reply(Reply::Holds { value: 3 }))),
+            (
+                TWO,
+                pdu(&write),
+                answered(TWO, &write, Ending::Reply(Reply::Holds { value: 3 })),
+            ),
             (TWO, pdu(&write), asked(TWO, &write, None)),
             (ONE, pdu(&read), asked(ONE, &read, Some(TWO))),
             (TWO, words.to_vec(), Overheard::Alone),
             (ONE, pdu(&read), asked(ONE, &read, None)),
-            (ONE, vec![0x83, 2], answered(ONE, &read, Ending::Exception(2))),
+            (
+                ONE,
+                vec![0x83, 2],
+                answered(ONE, &read, Ending::Exception(2)),
+            ),
             (Station(0), pdu(&write), asked(Station(0), &write, None)),
             (ONE, pdu(&write), asked(ONE, &write, None)),
         ];

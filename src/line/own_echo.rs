@@ -35,7 +35,11 @@ impl OwnEcho {
     }
 
     /// Removes the echo from the data received until `now`; returns what preceded it and the echo.
-    pub fn take_from(&mut self, assembler: &mut Assembler, now: MonoTime) -> Option<(Vec<u8>, Vec<u8>)> {
+    pub fn take_from(
+        &mut self,
+        assembler: &mut Assembler,
+        now: MonoTime,
+    ) -> Option<(Vec<u8>, Vec<u8>)> {
         if !self.is_awaited || !(self.is_sure || now < self.earliest_reply) {
             return None;
         }

@@ -56,7 +56,10 @@ impl LineQuality {
     /// A line with `stations` stations and no exchanges yet.
     #[must_use]
     pub fn new(stations: usize) -> Self {
-        Self { line: ExchangeQuality::default(), stations: vec![ExchangeQuality::default(); stations] }
+        Self {
+            line: ExchangeQuality::default(),
+            stations: vec![ExchangeQuality::default(); stations],
+        }
     }
 
     /// Records an exchange with the station at `place`.
@@ -82,14 +85,22 @@ impl LineQuality {
     /// Whether motion is refused for all drives: the line is bad, and not because of one station alone.
     #[must_use]
     pub fn is_line_suspended(&self) -> bool {
-        let bad = self.stations.iter().filter(|station| station.is_suspended).count();
+        let bad = self
+            .stations
+            .iter()
+            .filter(|station| station.is_suspended)
+            .count();
         self.line.is_suspended && (bad != 1 || self.stations.len() == 1)
     }
 
     /// Whether motion is refused for the drive at `place`.
     #[must_use]
     pub fn is_suspended(&self, place: usize) -> bool {
-        self.is_line_suspended() || self.stations.get(place).is_some_and(ExchangeQuality::is_suspended)
+        self.is_line_suspended()
+            || self
+                .stations
+                .get(place)
+                .is_some_and(ExchangeQuality::is_suspended)
     }
 }
 
@@ -99,7 +110,9 @@ mod tests {
 
     fn after(exchanges: impl IntoIterator<Item = bool>) -> ExchangeQuality {
         let mut quality = ExchangeQuality::default();
-        exchanges.into_iter().for_each(|is_bad| quality.take(is_bad));
+        exchanges
+            .into_iter()
+            .for_each(|is_bad| quality.take(is_bad));
         quality
     }
 
@@ -134,11 +147,18 @@ mod tests {
             line.take(n % 3, n % 3 == 1 && n % 2 == 0);
         }
         assert!(line.line().is_suspended());
-        assert_eq!([0, 1, 2].map(|place| line.is_suspended(place)), [false, true, false]);
+        assert_eq!(
+            [0, 1, 2].map(|place| line.is_suspended(place)),
+            [false, true, false]
+        );
         for n in 0..120 {
             line.take(n % 3, n % 3 < 2 && n % 2 == 0);
         }
-        assert_eq!([0, 1, 2].map(|place| line.is_suspended(place)), [true; 3], "two are bad: it is the line");
+        assert_eq!(
+            [0, 1, 2].map(|place| line.is_suspended(place)),
+            [true; 3],
+            "two are bad: it is the line"
+        );
         let mut alone = LineQuality::new(1);
         (0..100).for_each(|n| alone.take(0, n % 2 == 0));
         assert!(alone.is_line_suspended() && alone.is_suspended(0));

@@ -24,8 +24,12 @@ pub struct Quiet {
 
 impl Quiet {
     /// No silence is required.
-    pub const NONE: Self =
-        Self { latest: Duration::ZERO, required: Duration::ZERO, until: MonoTime::ZERO, exchanges: 0 };
+    pub const NONE: Self = Self {
+        latest: Duration::ZERO,
+        required: Duration::ZERO,
+        until: MonoTime::ZERO,
+        exchanges: 0,
+    };
 
     /// Until when the station has to be silent. A moment in the past means that it has been.
     #[must_use]

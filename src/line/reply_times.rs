@@ -53,7 +53,9 @@ impl ReplyTimes {
     /// The longest time of `class` in the last few thousand; `None` before there are enough.
     #[must_use]
     pub fn worst(&self, class: Class) -> Option<Duration> {
-        self.of(class).usual.map(|usual| usual.max(self.times(class).longest()))
+        self.of(class)
+            .usual
+            .map(|usual| usual.max(self.times(class).longest()))
     }
 
     /// The times of `class`.
@@ -98,9 +100,15 @@ mod tests {
     #[test]
     fn a_few_replies_prove_nothing() {
         let mut times = after(ENOUGH - 1, ms(4));
-        assert_eq!((times.wait(Class::Read), times.worst(Class::Read)), (None, None));
+        assert_eq!(
+            (times.wait(Class::Read), times.worst(Class::Read)),
+            (None, None)
+        );
         times.add(Class::Read, ms(4));
-        assert_eq!((times.wait(Class::Read), times.worst(Class::Read)), (Some(ms(8)), Some(ms(4))));
+        assert_eq!(
+            (times.wait(Class::Read), times.worst(Class::Read)),
+            (Some(ms(8)), Some(ms(4)))
+        );
         assert_eq!(times.wait(Class::Write), None, "each class by itself");
         times.forget();
         assert_eq!(times.wait(Class::Read), None);
@@ -122,14 +130,19 @@ mod tests {
     fn what_was_usual_for_long_is_not_given_up_at_once() {
         let mut times = after(4000, ms(50));
         (0..20_000).for_each(|_| times.add(Class::Read, ms(2)));
-        assert!(times.wait(Class::Read) >= Some(ms(100)) && times.worst(Class::Read) >= Some(ms(50)));
+        assert!(
+            times.wait(Class::Read) >= Some(ms(100)) && times.worst(Class::Read) >= Some(ms(50))
+        );
     }
 
     #[test]
     fn one_slow_reply_in_thousands_moves_the_worst_and_not_the_wait() {
         let mut times = after(5000, ms(4));
         times.add(Class::Read, ms(90));
-        assert_eq!(times.wait(Class::Read), Some(ms(4) * 2 + Duration::from_micros(190)));
+        assert_eq!(
+            times.wait(Class::Read),
+            Some(ms(4) * 2 + Duration::from_micros(190))
+        );
         assert_eq!(times.worst(Class::Read), Some(ms(90)));
     }
 }

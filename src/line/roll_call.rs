@@ -33,7 +33,12 @@ impl RollCall {
     /// Of a gateway that becomes active at `now`.
     #[must_use]
     pub fn new(now: MonoTime) -> Self {
-        Self { ask_at: now + FIRST_AFTER, open_until: None, misses: 0, listener: None }
+        Self {
+            ask_at: now + FIRST_AFTER,
+            open_until: None,
+            misses: 0,
+            listener: None,
+        }
     }
 
     /// It has to be known at once: what is known at `now` may be out of date.
@@ -88,7 +93,12 @@ impl RollCall {
         if is_missing {
             self.listener = Some(false);
         }
-        self.ask_at = now + if is_missing { ASK_EVERY } else { ASK_AGAIN_AFTER };
+        self.ask_at = now
+            + if is_missing {
+                ASK_EVERY
+            } else {
+                ASK_AGAIN_AFTER
+            };
     }
 }
 
@@ -104,7 +114,10 @@ impl Answer {
     /// listeners do not answer at once.
     #[must_use]
     pub fn to_question(now: MonoTime, end: MonoTime, slot: Duration) -> Self {
-        Self { at: now + slot, until: end + slot + ANSWER_MAX }
+        Self {
+            at: now + slot,
+            until: end + slot + ANSWER_MAX,
+        }
     }
 
     /// When it is due.
@@ -135,19 +148,34 @@ mod tests {
     #[test]
     fn a_listener_is_known_by_its_answer_and_missing_after_three_questions() {
         let mut call = RollCall::new(MS(1000));
-        assert_eq!((call.listener(), call.ask_at(), call.open_until()), (None, Some(MS(3000)), None));
+        assert_eq!(
+            (call.listener(), call.ask_at(), call.open_until()),
+            (None, Some(MS(3000)), None)
+        );
         call.asked(MS(3010));
         assert_eq!((call.ask_at(), call.open_until()), (None, Some(MS(3310))));
         call.pass(MS(3309));
         call.answered(MS(3309));
-        assert_eq!((call.listener(), call.ask_at(), call.open_until()), (Some(true), Some(MS(63_309)), None));
+        assert_eq!(
+            (call.listener(), call.ask_at(), call.open_until()),
+            (Some(true), Some(MS(63_309)), None)
+        );
         let mut now = MS(63_309);
-        for (misses, listener) in [(1, Some(true)), (2, Some(true)), (3, Some(false)), (4, Some(false))] {
+        for (misses, listener) in [
+            (1, Some(true)),
+            (2, Some(true)),
+            (3, Some(false)),
+            (4, Some(false)),
+        ] {
             call.asked(now);
             now = now + ANSWER_WITHIN;
             call.pass(now);
             assert_eq!(call.listener(), listener, "{misses}");
-            let wait = if misses < 3 { ASK_AGAIN_AFTER } else { ASK_EVERY };
+            let wait = if misses < 3 {
+                ASK_AGAIN_AFTER
+            } else {
+                ASK_EVERY
+            };
             assert_eq!(call.ask_at(), Some(now + wait), "{misses}");
             now = now + wait;
         }
@@ -159,7 +187,13 @@ mod tests {
     fn an_answer_that_is_late_is_not_sent() {
         let answer = Answer::to_question(MS(120), MS(100), Duration::from_millis(40));
         assert_eq!(answer.at(), MS(160));
-        assert!(!answer.may_be_sent(MS(159)) && answer.may_be_sent(MS(160)) && answer.may_be_sent(MS(239)));
-        assert!(!answer.may_be_sent(MS(240)) && answer.is_over(MS(240)) && !answer.is_over(MS(239)));
+        assert!(
+            !answer.may_be_sent(MS(159))
+                && answer.may_be_sent(MS(160))
+                && answer.may_be_sent(MS(239))
+        );
+        assert!(
+            !answer.may_be_sent(MS(240)) && answer.is_over(MS(240)) && !answer.is_over(MS(239))
+        );
     }
 }

@@ -107,7 +107,12 @@ impl Schedule {
     ///
     /// # Errors
     /// [`Full`] if too many different reads are queued.
-    pub fn push_read(&mut self, key: ReadKey, asker: AskerId, waiter: WaiterId) -> Result<Queued, Full> {
+    pub fn push_read(
+        &mut self,
+        key: ReadKey,
+        asker: AskerId,
+        waiter: WaiterId,
+    ) -> Result<Queued, Full> {
         if self.reads.len() >= READS_MAX && !self.reads.contains_key(&key) {
             return Err(Full);
         }
@@ -119,7 +124,13 @@ impl Schedule {
                 Ok(Queued::Joined)
             }
             None => {
-                let job = ReadJob { key, waiters: vec![waiter], repeated: false, tag, overtaken: 0 };
+                let job = ReadJob {
+                    key,
+                    waiters: vec![waiter],
+                    repeated: false,
+                    tag,
+                    overtaken: 0,
+                };
                 self.reads.insert(key, job);
                 Ok(Queued::Alone)
             }
@@ -149,7 +160,11 @@ impl Schedule {
         let present_turn = head.tag;
         let last_turn = present_turn.saturating_add(AHEAD_MAX);
         let may_overtake = |job: &ReadJob| job.tag <= last_turn && may_go(&job.key);
-        let key = if head.overtaken >= OVERTAKEN_MAX { head.key } else { self.next_on_the_way(may_overtake)? };
+        let key = if head.overtaken >= OVERTAKEN_MAX {
+            head.key
+        } else {
+            self.next_on_the_way(may_overtake)?
+        };
         let job = self.reads.remove(&key)?;
         for other in self.reads.values_mut().filter(|other| other.tag < job.tag) {
             other.overtaken += 1;
@@ -172,12 +187,18 @@ impl Schedule {
 
     /// Removes all native reads of `drive`.
     pub fn take_reads_of(&mut self, drive: DriveIndex) -> Vec<ReadJob> {
-        self.reads.extract_if(.., |key, _| key.drive == drive).map(|(_, job)| job).collect()
+        self.reads
+            .extract_if(.., |key, _| key.drive == drive)
+            .map(|(_, job)| job)
+            .collect()
     }
 
     /// Removes everything; returns the waiters.
     pub fn clear(&mut self) -> Vec<WaiterId> {
-        std::mem::take(&mut self.reads).into_values().flat_map(|job| job.waiters).collect()
+        std::mem::take(&mut self.reads)
+            .into_values()
+            .flat_map(|job| job.waiters)
+            .collect()
     }
 
     /// Removes waiters for which `is_waited_for` is false, and reads without waiters.
@@ -215,7 +236,10 @@ mod tests {
     use super::*;
 
     fn key(address: Address) -> ReadKey {
-        ReadKey { drive: DriveIndex(0), what: NativeQuery::Words { address, count: 1 } }
+        ReadKey {
+            drive: DriveIndex(0),
+            what: NativeQuery::Words { address, count: 1 },
+        }
     }
 
     fn waiter(request: u64) -> WaiterId {
@@ -234,12 +258,21 @@ mod tests {
     #[test]
     fn equal_reads_share_one_exchange() {
         let mut schedule = Schedule::default();
-        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)), Ok(Queued::Alone));
-        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)), Ok(Queued::Joined));
+        assert_eq!(
+            schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)),
+            Ok(Queued::Alone)
+        );
+        assert_eq!(
+            schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)),
+            Ok(Queued::Joined)
+        );
         let job = schedule.take_read(|_| true).unwrap();
         assert_eq!(job.waiters, [waiter(1), waiter(2)]);
         // What is on the wire is joined no more.
-        assert_eq!(schedule.push_read(key(1_u16.into()), AskerId(3), waiter(3)), Ok(Queued::Alone));
+        assert_eq!(
+            schedule.push_read(key(1_u16.into()), AskerId(3), waiter(3)),
+            Ok(Queued::Alone)
+        );
     }
 
     #[test]
@@ -247,7 +280,9 @@ mod tests {
         let mut schedule = Schedule::default();
         let mut at = [1_u16, 5];
         for (asker, address) in (0..).zip(at) {
-            schedule.push_read(key(address.into()), AskerId(asker), waiter(asker)).unwrap();
+            schedule
+                .push_read(key(address.into()), AskerId(asker), waiter(asker))
+                .unwrap();
         }
         let mut exchanges = 0;
         while at[0] != at[1] {
@@ -256,7 +291,9 @@ mod tests {
             for WaiterId { request: asker, .. } in job.waiters {
                 let place = &mut at[asker as usize];
                 *place = *place % 8 + 1;
-                schedule.push_read(key((*place).into()), AskerId(asker), waiter(asker)).unwrap();
+                schedule
+                    .push_read(key((*place).into()), AskerId(asker), waiter(asker))
+                    .unwrap();
             }
             assert!(exchanges < 20, "{at:?}");
         }
@@ -266,14 +303,21 @@ mod tests {
     fn a_busy_asker_cannot_starve_a_modest_one() {
         let mut schedule = Schedule::default();
         for n in 0..500 {
-            schedule.push_read(key(n.into()), AskerId(1), waiter(n.into())).unwrap();
+            schedule
+                .push_read(key(n.into()), AskerId(1), waiter(n.into()))
+                .unwrap();
         }
         for _ in 0..100 {
             schedule.take_read(|_| true).unwrap();
         }
         // Its register lies behind all others on the way.
-        schedule.push_read(key(9999_u16.into()), AskerId(2), waiter(9999)).unwrap();
-        let waited = served(&mut schedule).iter().position(|address| *address == 9999).unwrap();
+        schedule
+            .push_read(key(9999_u16.into()), AskerId(2), waiter(9999))
+            .unwrap();
+        let waited = served(&mut schedule)
+            .iter()
+            .position(|address| *address == 9999)
+            .unwrap();
         assert!(waited <= OVERTAKEN_MAX as usize + 1, "{waited}");
     }
 
@@ -281,21 +325,36 @@ mod tests {
     fn an_asker_of_many_reads_gets_no_more_turns_than_one_of_single_reads() {
         let mut schedule = Schedule::default();
         for n in 0..500 {
-            schedule.push_read(key(n.into()), AskerId(1), waiter(1)).unwrap();
+            schedule
+                .push_read(key(n.into()), AskerId(1), waiter(1))
+                .unwrap();
         }
         let mut served = [0_u64; 3];
         let mut next = 1000;
         for asker in [0, 2] {
-            schedule.push_read(key((next + asker as u16).into()), AskerId(asker), waiter(asker)).unwrap();
+            schedule
+                .push_read(
+                    key((next + asker as u16).into()),
+                    AskerId(asker),
+                    waiter(asker),
+                )
+                .unwrap();
         }
         for _ in 0..600 {
             let asker = schedule.take_read(|_| true).unwrap().waiters[0].request;
             served[asker as usize] += 1;
             next += 3;
             // The one asks for the next right away, as the other two do.
-            schedule.push_read(key(next.into()), AskerId(asker), waiter(asker)).unwrap();
+            schedule
+                .push_read(key(next.into()), AskerId(asker), waiter(asker))
+                .unwrap();
         }
-        assert!(served.iter().all(|served| served.abs_diff(200) <= AHEAD_MAX), "{served:?}");
+        assert!(
+            served
+                .iter()
+                .all(|served| served.abs_diff(200) <= AHEAD_MAX),
+            "{served:?}"
+        );
     }
 
     #[test]
@@ -304,7 +363,9 @@ mod tests {
         for asker in 0..10 {
             for n in 0..20_u16 {
                 let at = n * 10 + asker as u16;
-                schedule.push_read(key(at.into()), AskerId(asker), waiter(at.into())).unwrap();
+                schedule
+                    .push_read(key(at.into()), AskerId(asker), waiter(at.into()))
+                    .unwrap();
             }
         }
         assert_eq!(served(&mut schedule).len(), 200);
@@ -314,19 +375,33 @@ mod tests {
     fn a_full_queue_refuses_what_it_cannot_join() {
         let mut schedule = Schedule::default();
         for n in 0..READS_MAX as u16 {
-            schedule.push_read(key(n.into()), AskerId(1), waiter(n.into())).unwrap();
+            schedule
+                .push_read(key(n.into()), AskerId(1), waiter(n.into()))
+                .unwrap();
         }
-        assert_eq!(schedule.push_read(key((u16::MAX).into()), AskerId(2), waiter(1)), Err(Full));
-        assert_eq!(schedule.push_read(key(0_u16.into()), AskerId(2), waiter(2)), Ok(Queued::Joined));
+        assert_eq!(
+            schedule.push_read(key((u16::MAX).into()), AskerId(2), waiter(1)),
+            Err(Full)
+        );
+        assert_eq!(
+            schedule.push_read(key(0_u16.into()), AskerId(2), waiter(2)),
+            Ok(Queued::Joined)
+        );
     }
 
     #[test]
     fn a_repeated_read_goes_first_and_takes_newcomers_along() {
         let mut schedule = Schedule::default();
-        schedule.push_read(key(7_u16.into()), AskerId(1), waiter(1)).unwrap();
+        schedule
+            .push_read(key(7_u16.into()), AskerId(1), waiter(1))
+            .unwrap();
         let job = schedule.take_read(|_| true).unwrap();
-        schedule.push_read(key(8_u16.into()), AskerId(1), waiter(2)).unwrap();
-        schedule.push_read(key(7_u16.into()), AskerId(2), waiter(3)).unwrap();
+        schedule
+            .push_read(key(8_u16.into()), AskerId(1), waiter(2))
+            .unwrap();
+        schedule
+            .push_read(key(7_u16.into()), AskerId(2), waiter(3))
+            .unwrap();
         schedule.repeat_read(job);
         let again = schedule.take_read(|_| true).unwrap();
         assert_eq!((again.key, again.repeated), (key(7_u16.into()), true));
@@ -336,20 +411,37 @@ mod tests {
     #[test]
     fn a_read_is_taken_in_the_place_of_a_poll_of_the_same_words_only() {
         let mut schedule = Schedule::default();
-        schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)).unwrap();
+        schedule
+            .push_read(key(1_u16.into()), AskerId(1), waiter(1))
+            .unwrap();
         assert!(schedule.take_same(&key(2_u16.into())).is_none());
-        let longer = ReadKey { what: NativeQuery::Words { address: 1_u16.into(), count: 2 }, ..key(1_u16.into()) };
+        let longer = ReadKey {
+            what: NativeQuery::Words {
+                address: 1_u16.into(),
+                count: 2,
+            },
+            ..key(1_u16.into())
+        };
         assert!(schedule.take_same(&longer).is_none());
-        assert_eq!(schedule.take_same(&key(1_u16.into())).unwrap().waiters, [waiter(1)]);
+        assert_eq!(
+            schedule.take_same(&key(1_u16.into())).unwrap().waiters,
+            [waiter(1)]
+        );
         assert!(schedule.take_same(&key(1_u16.into())).is_none());
     }
 
     #[test]
     fn reads_without_waiters_are_dropped() {
         let mut schedule = Schedule::default();
-        schedule.push_read(key(1_u16.into()), AskerId(1), waiter(1)).unwrap();
-        schedule.push_read(key(1_u16.into()), AskerId(2), waiter(2)).unwrap();
-        schedule.push_read(key(2_u16.into()), AskerId(1), waiter(3)).unwrap();
+        schedule
+            .push_read(key(1_u16.into()), AskerId(1), waiter(1))
+            .unwrap();
+        schedule
+            .push_read(key(1_u16.into()), AskerId(2), waiter(2))
+            .unwrap();
+        schedule
+            .push_read(key(2_u16.into()), AskerId(1), waiter(3))
+            .unwrap();
         schedule.drop_unwanted(|waiter| waiter.request == 2);
         assert_eq!(served(&mut schedule), [1]);
     }

@@ -28,7 +28,11 @@ enum State {
     Deaf { used_at: Option<MonoTime> },
     /// Nothing of another gateway was heard since `quiet_from`, up to `looked_at`; the line is taken over after the usual
     /// silence and `extra`.
-    Listening { quiet_from: MonoTime, looked_at: MonoTime, extra: Duration },
+    Listening {
+        quiet_from: MonoTime,
+        looked_at: MonoTime,
+        extra: Duration,
+    },
     /// The line is taken: between `at` and `until` a signal says so, before anything else is sent.
     Claiming { at: MonoTime, until: MonoTime },
     /// The last frame was sent at `sent_at`.
@@ -105,7 +109,8 @@ impl Standby {
     /// Whether another gateway or master was heard so recently at `now` that it must be taken for alive.
     #[must_use]
     pub fn hears_other(&self, now: MonoTime) -> bool {
-        self.heard_at.is_some_and(|at| now.since(at) <= self.times.silent_at_most)
+        self.heard_at
+            .is_some_and(|at| now.since(at) <= self.times.silent_at_most)
     }
 
     /// Whether this gateway listens, and was not suspended right before `now`: what it has just received came just now, and
@@ -156,12 +161,22 @@ impl Standby {
     pub fn due_at(&self) -> Option<MonoTime> {
         match self.state {
             State::Deaf { .. } => None,
-            State::Listening { quiet_from, looked_at, extra } => {
+            State::Listening {
+                quiet_from,
+                looked_at,
+                extra,
+            } => {
                 let silence = quiet_from + self.times.take_over_after + extra;
-                Some(silence.min(looked_at + LOOK_EVERY).min(self.accept_at.unwrap_or(silence)))
+                Some(
+                    silence
+                        .min(looked_at + LOOK_EVERY)
+                        .min(self.accept_at.unwrap_or(silence)),
+                )
             }
             State::Claiming { until, .. } => Some(until.min(self.deaf_at())),
-            State::Active { sent_at } => Some((sent_at + self.times.silent_at_most).min(self.deaf_at())),
+            State::Active { sent_at } => {
+                Some((sent_at + self.times.silent_at_most).min(self.deaf_at()))
+            }
         }
     }
 
@@ -172,7 +187,9 @@ impl Standby {
     /// When a listener looks at the line next, whatever is due; `None` while it does not listen.
     #[must_use]
     pub fn looks_at(&self) -> Option<MonoTime> {
-        let State::Listening { looked_at, .. } = self.state else { return None };
+        let State::Listening { looked_at, .. } = self.state else {
+            return None;
+        };
         Some(looked_at + LOOK_EVERY)
     }
 
@@ -180,9 +197,18 @@ impl Standby {
     pub fn port_opened(&mut self, now: MonoTime) {
         self.heard_at = None;
         self.accept_at = None;
-        let used_at = if let State::Deaf { used_at } = self.state { used_at } else { None };
-        self.knowledge.missed(used_at, now, self.times.silent_at_most);
-        self.state = State::Listening { quiet_from: now, looked_at: now, extra: Duration::ZERO };
+        let used_at = if let State::Deaf { used_at } = self.state {
+            used_at
+        } else {
+            None
+        };
+        self.knowledge
+            .missed(used_at, now, self.times.silent_at_most);
+        self.state = State::Listening {
+            quiet_from: now,
+            looked_at: now,
+            extra: Duration::ZERO,
+        };
     }
 
     /// The port is gone. Returns whether the line was given up by that.
@@ -220,7 +246,10 @@ impl Standby {
 
     /// A sound frame that is not of this gateway was received at `now`, while it listens: another one sends.
     pub fn heard(&mut self, now: MonoTime) {
-        if let State::Listening { quiet_from, extra, .. } = &mut self.state {
+        if let State::Listening {
+            quiet_from, extra, ..
+        } = &mut self.state
+        {
             *quiet_from = now;
             // The line has its gateway: no other one has to be let in first.
             *extra = Duration::ZERO;
@@ -262,7 +291,10 @@ impl Standby {
     /// A jam is over at `now`: the silence begins for all gateways at once, and a random part separates those of one rank.
     pub fn jam_ended(&mut self, now: MonoTime) {
         let random = self.random(JAM_BREAK);
-        if let State::Listening { quiet_from, extra, .. } = &mut self.state {
+        if let State::Listening {
+            quiet_from, extra, ..
+        } = &mut self.state
+        {
             *quiet_from = now;
             *extra = (*extra).max(random);
         }
@@ -273,7 +305,8 @@ impl Standby {
         let gives_up = self.is_active();
         if gives_up {
             let used_at = self.may_send(now).then_some(now);
-            self.knowledge.missed(used_at, now, self.times.silent_at_most);
+            self.knowledge
+                .missed(used_at, now, self.times.silent_at_most);
             // The other one may have given the line up by this gateway's own frame: the random part of the wait stays.
             self.listen(now);
             self.heard_at = Some(now);
@@ -288,7 +321,9 @@ impl Standby {
     /// another one may have taken the line over at the same moment, and send in step with this one. So the next frame waits
     /// for a random time: who waits longer hears the other one. If that does not help, the line is given up.
     pub fn unanswered(&mut self, now: MonoTime, is_damaged: bool) -> Option<Change> {
-        let State::Active { sent_at } = self.state else { return None };
+        let State::Active { sent_at } = self.state else {
+            return None;
+        };
         if self.contended < if is_damaged { CONTEND_MAX } else { 1 } {
             self.contended += 1;
             let at = now + self.random(CONTEND_WAIT);
@@ -308,14 +343,23 @@ impl Standby {
         if !self.is_active() {
             return None;
         }
-        self.state = State::Listening { quiet_from: now, looked_at: now, extra: wait };
+        self.state = State::Listening {
+            quiet_from: now,
+            looked_at: now,
+            extra: wait,
+        };
         Some(Change::Yielded)
     }
 
     /// The active gateway hands the line over at `now`.
     pub fn handed_over(&mut self, now: MonoTime) {
         self.heard_at = Some(now);
-        if let State::Listening { quiet_from, looked_at, extra } = &mut self.state {
+        if let State::Listening {
+            quiet_from,
+            looked_at,
+            extra,
+        } = &mut self.state
+        {
             (*quiet_from, *looked_at) = (now, now);
             *extra = Duration::ZERO;
             self.accept_at = Some(now + self.times.accept_after);
@@ -337,7 +381,10 @@ impl Standby {
         self.accept_at = None;
         self.contended = 0;
         // The others must hear it at once: the next rank is waiting.
-        self.state = State::Claiming { at: now, until: now + HAND_OVER_MAX };
+        self.state = State::Claiming {
+            at: now,
+            until: now + HAND_OVER_MAX,
+        };
     }
 
     const fn is_active(&self) -> bool {
@@ -348,12 +395,20 @@ impl Standby {
     pub fn pass(&mut self, now: MonoTime, is_free: bool) -> Option<Change> {
         match self.state {
             State::Deaf { .. } => None,
-            State::Claiming { .. } | State::Active { .. } if self.due_at().is_some_and(|at| now < at) => None,
+            State::Claiming { .. } | State::Active { .. }
+                if self.due_at().is_some_and(|at| now < at) =>
+            {
+                None
+            }
             State::Claiming { .. } | State::Active { .. } if now >= self.deaf_at() => {
                 let wait = self.ears.fall_silent(self.times.take_over_after);
                 let extra = wait + self.random(wait);
                 self.knowledge.is_complete(now);
-                self.state = State::Listening { quiet_from: now, looked_at: now, extra };
+                self.state = State::Listening {
+                    quiet_from: now,
+                    looked_at: now,
+                    extra,
+                };
                 Some(Change::Deaf)
             }
             State::Claiming { .. } | State::Active { .. } => {
@@ -361,12 +416,17 @@ impl Standby {
                 self.knowledge.missed(None, now, self.times.silent_at_most);
                 Some(Change::Stalled)
             }
-            State::Listening { quiet_from, looked_at, extra } => {
+            State::Listening {
+                quiet_from,
+                looked_at,
+                extra,
+            } => {
                 let was_suspended = now.since(looked_at) > LOOK_MAX;
                 if was_suspended {
                     self.accept_at = None;
                     self.knowledge.begins(now);
-                    self.knowledge.missed(Some(quiet_from), now, self.times.silent_at_most);
+                    self.knowledge
+                        .missed(Some(quiet_from), now, self.times.silent_at_most);
                 }
                 let quiet_from = if was_suspended { now } else { quiet_from };
                 if is_free && self.accept_at.is_some_and(|at| now >= at) {
@@ -377,7 +437,11 @@ impl Standby {
                     self.take(now);
                     return Some(Change::TakenOver);
                 }
-                self.state = State::Listening { quiet_from, looked_at: now, extra };
+                self.state = State::Listening {
+                    quiet_from,
+                    looked_at: now,
+                    extra,
+                };
                 None
             }
         }
@@ -387,7 +451,11 @@ impl Standby {
     fn listen(&mut self, now: MonoTime) {
         let extra = self.random(TIE_BREAK);
         self.knowledge.begins(now);
-        self.state = State::Listening { quiet_from: now, looked_at: now, extra };
+        self.state = State::Listening {
+            quiet_from: now,
+            looked_at: now,
+            extra,
+        };
     }
 
     fn random(&mut self, longest: Duration) -> Duration {

@@ -101,7 +101,10 @@ impl StationState {
     /// The same station where replies may carry the number of their request. If they do, no late reply makes it dirty.
     #[must_use]
     pub fn identified(self, is_identified: bool) -> Self {
-        Self { is_identified, ..self }
+        Self {
+            is_identified,
+            ..self
+        }
     }
 
     /// Whether a late reply may still be mistaken for another at `now`.
@@ -117,7 +120,10 @@ impl StationState {
             return MonoTime::ZERO;
         }
         let known = self.missing.iter().map(|missing| missing.until).max();
-        known.unwrap_or(MonoTime::ZERO).max(self.asked_before_until).max(self.quiet.until())
+        known
+            .unwrap_or(MonoTime::ZERO)
+            .max(self.asked_before_until)
+            .max(self.quiet.until())
     }
 
     /// When a late answer can no longer be mistaken for the answer to `request`. A moment in the past means now.
@@ -130,8 +136,15 @@ impl StationState {
             let oldest = self.missing.iter().map(|missing| missing.until).min();
             return oldest.unwrap_or(MonoTime::ZERO).max(self.quiet.until());
         }
-        let mistakable = self.missing.iter().filter(|missing| self.is_mistakable(&missing.request, request));
-        let known = mistakable.map(|missing| missing.until).max().unwrap_or(MonoTime::ZERO).max(self.quiet.until());
+        let mistakable = self
+            .missing
+            .iter()
+            .filter(|missing| self.is_mistakable(&missing.request, request));
+        let known = mistakable
+            .map(|missing| missing.until)
+            .max()
+            .unwrap_or(MonoTime::ZERO)
+            .max(self.quiet.until());
         match request {
             // Its data are fresh: no earlier request had them.
             Request::Loopback { .. } => known,
@@ -145,7 +158,8 @@ impl StationState {
         if self.is_identified {
             return false;
         }
-        let misses = |missing: &Missing| now < missing.until && missing.request.function() == function;
+        let misses =
+            |missing: &Missing| now < missing.until && missing.request.function() == function;
         now < self.asked_before_until.max(self.quiet.until()) || self.missing.iter().any(misses)
     }
 
@@ -175,7 +189,9 @@ impl StationState {
     /// From when requests may be sent to it, considering silence, deafness and pauses.
     #[must_use]
     pub fn may_be_asked_from(&self) -> MonoTime {
-        self.ask_again_at.max(self.rests_until).max(self.pauses_until)
+        self.ask_again_at
+            .max(self.rests_until)
+            .max(self.pauses_until)
     }
 
     /// It may have been sent a request by another; the reply can arrive until `moment`. Answers to that one explain frames.
@@ -244,12 +260,22 @@ impl StationState {
         if self.is_identified {
             return Stray::Explained;
         }
-        if now < self.asked_before_until || self.missing.iter().any(|missing| answers(&missing.request, pdu)) {
+        if now < self.asked_before_until
+            || self
+                .missing
+                .iter()
+                .any(|missing| answers(&missing.request, pdu))
+        {
             self.heard(now);
             return Stray::Explained;
         }
-        let expired = self.expired.iter().position(|expired| answers(&expired.request, pdu));
-        let beyond = expired.map(|place| now.since(self.expired.remove(place).sent_at)).or(self.taken.take());
+        let expired = self
+            .expired
+            .iter()
+            .position(|expired| answers(&expired.request, pdu));
+        let beyond = expired
+            .map(|place| now.since(self.expired.remove(place).sent_at))
+            .or(self.taken.take());
         let late = beyond.unwrap_or_else(|| now.since(self.asked_at).min(declared));
         if beyond.is_none() && waits {
             return Stray::WrongForm(late);
@@ -258,7 +284,11 @@ impl StationState {
             self.quiet.observed(late);
         }
         self.is_unexplained(late, now);
-        if beyond.is_some() { Stray::BeyondLimit(late) } else { Stray::TooMany(late) }
+        if beyond.is_some() {
+            Stray::BeyondLimit(late)
+        } else {
+            Stray::TooMany(late)
+        }
     }
 
     /// A frame that arrived `late` belongs to no request of ours.
@@ -273,9 +303,13 @@ impl StationState {
     }
 
     fn expire(&mut self, now: MonoTime) {
-        let (missing, expired): (Vec<_>, Vec<_>) = self.missing.drain(..).partition(|missing| now < missing.until);
+        let (missing, expired): (Vec<_>, Vec<_>) = self
+            .missing
+            .drain(..)
+            .partition(|missing| now < missing.until);
         self.missing = missing;
-        self.expired.retain(|expired| now < expired.until + EXPIRED_FOR);
+        self.expired
+            .retain(|expired| now < expired.until + EXPIRED_FOR);
         self.expired.extend(expired);
         let excess = self.expired.len().saturating_sub(MISSING_MAX);
         self.expired.drain(..excess);
@@ -284,10 +318,14 @@ impl StationState {
     /// The request that `pdu` answers late, and when its last character had been sent; `None` if that is not certain.
     #[must_use]
     pub fn answered_late(&self, pdu: &[u8], now: MonoTime) -> Option<(&Request, MonoTime)> {
-        let is_answered = |missing: &&Missing| now < missing.until && answers(&missing.request, pdu);
+        let is_answered =
+            |missing: &&Missing| now < missing.until && answers(&missing.request, pdu);
         let mut answered = self.missing.iter().filter(is_answered);
         let only = answered.next()?;
-        answered.next().is_none().then_some((&only.request, only.sent_at))
+        answered
+            .next()
+            .is_none()
+            .then_some((&only.request, only.sent_at))
     }
 
     /// The station was silent: it is polled less and less often, unless it may be deaf for a while.
@@ -303,7 +341,8 @@ impl StationState {
             self.ask_again_at = now + DEAF_WAIT;
             return;
         }
-        self.ask_again_at = now + (BACK_OFF_FIRST * (1 << self.back_offs.min(16))).min(BACK_OFF_MAX);
+        self.ask_again_at =
+            now + (BACK_OFF_FIRST * (1 << self.back_offs.min(16))).min(BACK_OFF_MAX);
         self.back_offs = self.back_offs.saturating_add(1);
     }
 
@@ -320,11 +359,18 @@ impl StationState {
     pub fn exchange_ended(&mut self, request: &Request, was_noisy: bool, now: MonoTime) {
         self.expire(now);
         // Drives answer in order: an expired reply has been mistaken for this answer, or never arrives.
-        let taken = self.expired.iter().find(|expired| self.is_mistakable(&expired.request, request));
+        let taken = self
+            .expired
+            .iter()
+            .find(|expired| self.is_mistakable(&expired.request, request));
         self.taken = taken.map(|expired| now.since(expired.sent_at));
         self.expired.clear();
         let (looks, until_anew) = self.looks;
-        self.looks = if until_anew == 0 { LOOKS } else { (looks, until_anew - 1) };
+        self.looks = if until_anew == 0 {
+            LOOKS
+        } else {
+            (looks, until_anew - 1)
+        };
         if was_noisy && self.looks.0 > 0 && !self.is_identified {
             self.looks.0 -= 1;
             self.quiet.look(now);
@@ -355,19 +401,35 @@ impl StationState {
         let keeps_old_value = self.refused != RefusedWrite::Exception;
         match (missing, request) {
             // An exception carries only its function.
-            (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => missing.function() == request.function(),
+            (Request::Unserved { .. }, _) | (_, Request::Unserved { .. }) => {
+                missing.function() == request.function()
+            }
             // The reply to a read tells the function and the number of bytes; 1 to 8 bits take one byte.
             (Request::Read { .. }, Request::Read { .. }) => {
-                missing.function() == request.function() && missing.reply_pdu_bytes() == request.reply_pdu_bytes()
+                missing.function() == request.function()
+                    && missing.reply_pdu_bytes() == request.reply_pdu_bytes()
             }
             // Where a refused write may be answered with any value, the value says nothing.
-            (Request::WriteSingle { address: a, value: of_a }, Request::WriteSingle { address: b, value: of_b }) => {
-                a == b && (of_a == of_b || keeps_old_value)
-            }
+            (
+                Request::WriteSingle {
+                    address: a,
+                    value: of_a,
+                },
+                Request::WriteSingle {
+                    address: b,
+                    value: of_b,
+                },
+            ) => a == b && (of_a == of_b || keeps_old_value),
             (Request::Loopback { data: a }, Request::Loopback { data: b }) => a == b,
             (
-                Request::WriteMultiple { address: a, values: of_a },
-                Request::WriteMultiple { address: b, values: of_b },
+                Request::WriteMultiple {
+                    address: a,
+                    values: of_a,
+                },
+                Request::WriteMultiple {
+                    address: b,
+                    values: of_b,
+                },
             ) => a == b && of_a.len() == of_b.len(),
             _ => false,
         }
@@ -386,15 +448,30 @@ mod tests {
     const DEAF: Duration = Duration::from_secs(2);
 
     fn station_with(refused: RefusedWrite, deaf_after_power_up: Duration) -> StationState {
-        let mut model = Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"));
+        let mut model = Model::clone(
+            vendors::catalog()
+                .find("hyundai-n700")
+                .expect("it is built in"),
+        );
         model.write.refused.value = refused;
-        let fact = Fact { value: deaf_after_power_up, confidence: Confidence::Manual, source: String::new() };
+        let fact = Fact {
+            value: deaf_after_power_up,
+            confidence: Confidence::Manual,
+            source: String::new(),
+        };
         model.quirks.deaf_after_power_up = Some(fact);
         StationState::new(&model)
     }
 
     fn miss(station: &mut StationState, request: Request, now: MonoTime, lateness: Duration) {
-        station.reply_missing(Missing { request, sent_at: now, until: now + lateness }, now);
+        station.reply_missing(
+            Missing {
+                request,
+                sent_at: now,
+                until: now + lateness,
+            },
+            now,
+        );
     }
 
     fn station() -> StationState {
@@ -402,11 +479,17 @@ mod tests {
     }
 
     fn write(address: u16, value: u16) -> Request {
-        Request::WriteSingle { address: address.into(), value }
+        Request::WriteSingle {
+            address: address.into(),
+            value,
+        }
     }
 
     fn read(address: u16, count: u16) -> Request {
-        Request::Read { address: address.into(), count }
+        Request::Read {
+            address: address.into(),
+            count,
+        }
     }
 
     #[test]
@@ -414,11 +497,27 @@ mod tests {
         let mut station = station();
         let now = MonoTime::from_millis(1000);
         miss(&mut station, read(0x0101, 1), now, LATENESS);
-        assert_eq!(station.unmistakable_at(&read(0x0201, 1)), now + LATENESS, "same count, other address");
-        assert_eq!(station.unmistakable_at(&read(0x0101, 2)), MonoTime::ZERO, "another count");
-        assert_eq!(station.unmistakable_at(&write(2, 0)), MonoTime::ZERO, "another function");
+        assert_eq!(
+            station.unmistakable_at(&read(0x0201, 1)),
+            now + LATENESS,
+            "same count, other address"
+        );
+        assert_eq!(
+            station.unmistakable_at(&read(0x0101, 2)),
+            MonoTime::ZERO,
+            "another count"
+        );
+        assert_eq!(
+            station.unmistakable_at(&write(2, 0)),
+            MonoTime::ZERO,
+            "another function"
+        );
         miss(&mut station, write(2, 0), now, LATENESS);
-        assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "a kept old value looks the same");
+        assert_eq!(
+            station.unmistakable_at(&write(2, 1)),
+            now + LATENESS,
+            "a kept old value looks the same"
+        );
         assert_eq!(station.unmistakable_at(&write(4, 1)), MonoTime::ZERO);
         assert!(station.misses_function(6, now) && !station.misses_function(8, now));
         assert!(!station.is_dirty(now + LATENESS));
@@ -427,23 +526,50 @@ mod tests {
     #[test]
     fn reads_of_bits_are_distinguished_by_their_bytes_and_words_by_their_function() {
         let now = MonoTime::from_millis(1000);
-        let from = |table, count| Request::Read { address: Address::new(table, 6), count };
+        let from = |table, count| Request::Read {
+            address: Address::new(table, 6),
+            count,
+        };
         let waits_for = |missing: Request, request: Request| {
             let mut station = station_with(RefusedWrite::Exception, Duration::ZERO);
             miss(&mut station, missing, now, LATENESS);
             station.unmistakable_at(&request) == now + LATENESS
         };
-        assert!(waits_for(from(Table::Coil, 1), from(Table::Coil, 8)), "one byte each");
-        assert!(!waits_for(from(Table::Coil, 8), from(Table::Coil, 9)), "two bytes");
-        assert!(!waits_for(from(Table::Coil, 1), from(Table::Discrete, 1)), "another function");
-        assert!(!waits_for(from(Table::Holding, 1), from(Table::Input, 1)), "another function");
+        assert!(
+            waits_for(from(Table::Coil, 1), from(Table::Coil, 8)),
+            "one byte each"
+        );
+        assert!(
+            !waits_for(from(Table::Coil, 8), from(Table::Coil, 9)),
+            "two bytes"
+        );
+        assert!(
+            !waits_for(from(Table::Coil, 1), from(Table::Discrete, 1)),
+            "another function"
+        );
+        assert!(
+            !waits_for(from(Table::Holding, 1), from(Table::Input, 1)),
+            "another function"
+        );
         assert!(waits_for(from(Table::Input, 2), from(Table::Input, 2)));
-        let coil = |number, value| Request::WriteSingle { address: Address::new(Table::Coil, number), value };
-        assert!(waits_for(coil(1, 1), coil(1, 1)), "an earlier stop looks the same");
+        let coil = |number, value| Request::WriteSingle {
+            address: Address::new(Table::Coil, number),
+            value,
+        };
+        assert!(
+            waits_for(coil(1, 1), coil(1, 1)),
+            "an earlier stop looks the same"
+        );
         assert!(!waits_for(coil(1, 1), coil(1, 0)));
         assert!(!waits_for(coil(1, 1), write(1, 1)), "another function");
-        let word = |value| Request::WriteMultiple { address: 2_u16.into(), values: vec![value] };
-        assert!(waits_for(word(1), word(0)), "the reply to 10 hex carries no value");
+        let word = |value| Request::WriteMultiple {
+            address: 2_u16.into(),
+            values: vec![value],
+        };
+        assert!(
+            waits_for(word(1), word(0)),
+            "the reply to 10 hex carries no value"
+        );
     }
 
     #[test]
@@ -453,10 +579,16 @@ mod tests {
         station.asked_before(at(60_000));
         for count in 1..=100 {
             miss(&mut station, read(1, count), at(1_000), LATENESS);
-            assert_eq!(station.stray(&[3, 2, 0, 7], at(1_100), LATENESS, false), Stray::Explained);
+            assert_eq!(
+                station.stray(&[3, 2, 0, 7], at(1_100), LATENESS, false),
+                Stray::Explained
+            );
         }
         station.exchange_ended(&read(1, 1), true, at(1_200));
-        assert_eq!((station.clean_at(), station.unmistakable_at(&read(1, 1))), (MonoTime::ZERO, MonoTime::ZERO));
+        assert_eq!(
+            (station.clean_at(), station.unmistakable_at(&read(1, 1))),
+            (MonoTime::ZERO, MonoTime::ZERO)
+        );
         assert!(!station.misses_function(3, at(1_200)) && !station.is_doubtful());
         assert_eq!(station.missing.len(), MISSING_MAX);
     }
@@ -479,9 +611,16 @@ mod tests {
         station.asked(at(1_000));
         station.exchange_ended(&read(1, 1), false, at(1_010));
         let late = Duration::from_millis(80);
-        assert_eq!(station.stray(&ONE_WORD, at(1_080), LATENESS, false), Stray::TooMany(late));
+        assert_eq!(
+            station.stray(&ONE_WORD, at(1_080), LATENESS, false),
+            Stray::TooMany(late)
+        );
         assert!(station.is_doubtful());
-        assert_eq!(station.unmistakable_at(&read(1, 9)), at(1_080) + late * 3 / 2, "not even a barrier");
+        assert_eq!(
+            station.unmistakable_at(&read(1, 9)),
+            at(1_080) + late * 3 / 2,
+            "not even a barrier"
+        );
         assert!(station.misses_function(6, at(1_100)));
         // Each further frame of it, an answer too, restarts the silence.
         station.heard(at(1_100));
@@ -498,20 +637,32 @@ mod tests {
         let at = MonoTime::from_millis;
         let mut station = station();
         miss(&mut station, read(1, 1), at(1_000), LATENESS);
-        assert_eq!(station.stray(&ONE_WORD, at(1_400), LATENESS, false), Stray::Explained);
+        assert_eq!(
+            station.stray(&ONE_WORD, at(1_400), LATENESS, false),
+            Stray::Explained
+        );
         assert!(!station.is_doubtful());
         let late = Duration::from_millis(900);
-        assert_eq!(station.stray(&ONE_WORD, at(1_900), LATENESS, false), Stray::BeyondLimit(late));
+        assert_eq!(
+            station.stray(&ONE_WORD, at(1_900), LATENESS, false),
+            Stray::BeyondLimit(late)
+        );
         assert_eq!(station.lateness(LATENESS), late * 3 / 2);
         station.line_opened(at(3_000));
-        assert_eq!((station.lateness(LATENESS), station.is_doubtful()), (LATENESS, false));
+        assert_eq!(
+            (station.lateness(LATENESS), station.is_doubtful()),
+            (LATENESS, false)
+        );
         // Mistaken for an answer, it is detected by the reply that follows it.
         let mut station = station_with(RefusedWrite::Exception, Duration::ZERO);
         miss(&mut station, read(1, 1), at(1_000), LATENESS);
         miss(&mut station, read(1, 2), at(1_800), LATENESS);
         station.asked(at(1_850));
         station.exchange_ended(&read(2, 1), false, at(1_900));
-        assert_eq!(station.stray(&ONE_WORD, at(1_950), LATENESS, false), Stray::BeyondLimit(late));
+        assert_eq!(
+            station.stray(&ONE_WORD, at(1_950), LATENESS, false),
+            Stray::BeyondLimit(late)
+        );
     }
 
     #[test]
@@ -520,11 +671,17 @@ mod tests {
         let now = MonoTime::from_millis(5);
         for _ in 0..LOOKS.0 {
             station.exchange_ended(&read(1, 1), true, now);
-            assert_eq!((station.clean_at(), station.is_doubtful()), (now + QUIET_LEAST, false));
+            assert_eq!(
+                (station.clean_at(), station.is_doubtful()),
+                (now + QUIET_LEAST, false)
+            );
         }
         let later = MonoTime::from_millis(5_000);
         station.exchange_ended(&read(1, 1), true, later);
-        assert!(!station.is_dirty(later), "where there is always noise, it tells nothing");
+        assert!(
+            !station.is_dirty(later),
+            "where there is always noise, it tells nothing"
+        );
         (0..=LOOKS.1).for_each(|_| station.exchange_ended(&read(1, 1), false, later));
         station.exchange_ended(&read(1, 1), true, later);
         assert!(station.is_dirty(later));
@@ -534,7 +691,12 @@ mod tests {
     fn what_is_missing_is_bounded() {
         let mut station = station();
         for count in 1..=MISSING_MAX as u16 {
-            miss(&mut station, read(1, count), MonoTime::from_millis(u64::from(count)), LATENESS);
+            miss(
+                &mut station,
+                read(1, count),
+                MonoTime::from_millis(u64::from(count)),
+                LATENESS,
+            );
         }
         let first_gone = MonoTime::from_millis(1) + LATENESS;
         assert_eq!(station.unmistakable_at(&read(1, 100)), first_gone);
@@ -547,7 +709,11 @@ mod tests {
         let mut station = station();
         let now = MonoTime::from_millis(10);
         station.silent(now);
-        assert_eq!(station.ask_again_at(), MonoTime::ZERO, "one silence is no death");
+        assert_eq!(
+            station.ask_again_at(),
+            MonoTime::ZERO,
+            "one silence is no death"
+        );
         let mut waits = Vec::new();
         for _ in 0..7 {
             station.silent(now);
@@ -560,14 +726,27 @@ mod tests {
     }
     #[test]
     fn where_refusals_are_exceptions_the_value_tells_writes_apart() {
-        for (refused, another_value_is_free) in [(RefusedWrite::Exception, true), (RefusedWrite::KeepsOldValue, false)]
-        {
+        for (refused, another_value_is_free) in [
+            (RefusedWrite::Exception, true),
+            (RefusedWrite::KeepsOldValue, false),
+        ] {
             let mut station = station_with(refused, Duration::ZERO);
             let now = MonoTime::from_millis(1000);
             miss(&mut station, write(2, 1), now, LATENESS);
-            assert_eq!(station.unmistakable_at(&write(2, 1)), now + LATENESS, "{refused:?}");
-            assert_eq!(station.unmistakable_at(&write(2, 0)) <= now, another_value_is_free, "{refused:?}");
-            assert!(station.misses_function(6, now), "an exception is in doubt all the same");
+            assert_eq!(
+                station.unmistakable_at(&write(2, 1)),
+                now + LATENESS,
+                "{refused:?}"
+            );
+            assert_eq!(
+                station.unmistakable_at(&write(2, 0)) <= now,
+                another_value_is_free,
+                "{refused:?}"
+            );
+            assert!(
+                station.misses_function(6, now),
+                "an exception is in doubt all the same"
+            );
         }
     }
 
@@ -582,12 +761,24 @@ mod tests {
             (unserved(8, 1), unserved(0x11, 1), false),
             (Request::Loopback { data: 1 }, unserved(8, 2), true),
             (unserved(8, 1), Request::Loopback { data: 2 }, true),
-            (Request::Loopback { data: 1 }, Request::Loopback { data: 2 }, false),
-            (Request::Loopback { data: 1 }, Request::Loopback { data: 1 }, true),
+            (
+                Request::Loopback { data: 1 },
+                Request::Loopback { data: 2 },
+                false,
+            ),
+            (
+                Request::Loopback { data: 1 },
+                Request::Loopback { data: 1 },
+                true,
+            ),
         ] {
             let mut station = station();
             miss(&mut station, missing.clone(), now, LATENESS);
-            assert_eq!(station.unmistakable_at(&request) > now, mistakable, "{missing:?} then {request:?}");
+            assert_eq!(
+                station.unmistakable_at(&request) > now,
+                mistakable,
+                "{missing:?} then {request:?}"
+            );
         }
     }
 
@@ -603,10 +794,14 @@ mod tests {
         };
         assert_eq!(silent(&mut station, lost), Duration::ZERO);
         for at in [300, 700, 1999] {
-            assert_eq!(silent(&mut station, lost + Duration::from_millis(at)), DEAF_WAIT);
+            assert_eq!(
+                silent(&mut station, lost + Duration::from_millis(at)),
+                DEAF_WAIT
+            );
         }
         assert!(station.is_known_silent() && station.is_dirty(lost + DEAF));
-        let waits = [2300, 3300, 5300].map(|at| silent(&mut station, lost + Duration::from_millis(at)).as_secs());
+        let waits = [2300, 3300, 5300]
+            .map(|at| silent(&mut station, lost + Duration::from_millis(at)).as_secs());
         assert_eq!(waits, [1, 2, 4], "after that it is as dead as any other");
     }
 
@@ -620,7 +815,10 @@ mod tests {
             }
             station.line_opened(now);
             assert!(station.ask_again_at().since(now) >= wait, "{deaf:?}");
-            assert_eq!(station.ask_again_at().since(now) == DEAF_WAIT, !deaf.is_zero());
+            assert_eq!(
+                station.ask_again_at().since(now) == DEAF_WAIT,
+                !deaf.is_zero()
+            );
         }
     }
 
@@ -631,8 +829,16 @@ mod tests {
         station.rest_until(moment);
         station.rest_until(MonoTime::from_millis(1000));
         station.is_there();
-        assert_eq!(station.may_be_asked_from(), moment, "whatever was heard meanwhile");
-        assert_eq!(station.ask_again_at(), MonoTime::ZERO, "it is not taken for silent");
+        assert_eq!(
+            station.may_be_asked_from(),
+            moment,
+            "whatever was heard meanwhile"
+        );
+        assert_eq!(
+            station.ask_again_at(),
+            MonoTime::ZERO,
+            "it is not taken for silent"
+        );
     }
 
     #[test]
@@ -641,13 +847,27 @@ mod tests {
         let first = MonoTime::from_millis(100);
         let second = MonoTime::from_millis(200);
         miss(&mut station, read(1, 1), first, LATENESS);
-        assert_eq!(station.answered_late(&[3, 2, 0, 7], second), Some((&read(1, 1), first)));
-        assert_eq!(station.answered_late(&[0x83, 2], second), Some((&read(1, 1), first)));
+        assert_eq!(
+            station.answered_late(&[3, 2, 0, 7], second),
+            Some((&read(1, 1), first))
+        );
+        assert_eq!(
+            station.answered_late(&[0x83, 2], second),
+            Some((&read(1, 1), first))
+        );
         for other in [&[3, 4, 0, 7, 0, 8][..], &[6, 0, 1, 0, 1], &[0x86, 2]] {
             assert_eq!(station.answered_late(other, second), None, "{other:?}");
         }
-        assert_eq!(station.answered_late(&[3, 2, 0, 7], first + LATENESS), None, "it cannot come any more");
+        assert_eq!(
+            station.answered_late(&[3, 2, 0, 7], first + LATENESS),
+            None,
+            "it cannot come any more"
+        );
         miss(&mut station, read(9, 1), second, LATENESS);
-        assert_eq!(station.answered_late(&[3, 2, 0, 7], second), None, "it may be either's");
+        assert_eq!(
+            station.answered_late(&[3, 2, 0, 7], second),
+            None,
+            "it may be either's"
+        );
     }
 }

@@ -30,13 +30,20 @@ impl Class {
     #[must_use]
     pub fn of(request: &Request, model: &Model) -> Self {
         let is_stored = match request {
-            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => return Self::Read,
-            Request::WriteSingle { address, .. } => model.is_stored(*address),
-            Request::WriteMultiple { address, values } => {
-                address.onwards().zip(values).any(|(address, _)| model.is_stored(address))
+            Request::Read { .. } | Request::Loopback { .. } | Request::Unserved { .. } => {
+                return Self::Read;
             }
+            Request::WriteSingle { address, .. } => model.is_stored(*address),
+            Request::WriteMultiple { address, values } => address
+                .onwards()
+                .zip(values)
+                .any(|(address, _)| model.is_stored(address)),
         };
-        if is_stored { Self::StoredWrite } else { Self::Write }
+        if is_stored {
+            Self::StoredWrite
+        } else {
+            Self::Write
+        }
     }
 }
 
@@ -57,14 +64,23 @@ impl ReplyTimeouts {
     /// The same configured wait for all classes.
     #[must_use]
     pub const fn fixed(timeout: Duration) -> Self {
-        Self { read: timeout, write: timeout, stored_write: timeout, learns: false }
+        Self {
+            read: timeout,
+            write: timeout,
+            stored_write: timeout,
+            learns: false,
+        }
     }
 
     /// From `timing`: the model's cap until reply times are known, but never less than the drive may need.
     #[must_use]
     pub fn auto(timing: &model::Timing) -> Self {
-        let wait =
-            |class| timing.reply_timeout_cap.value.max(work(timing, class).unwrap_or_default() + reply_delay(timing));
+        let wait = |class| {
+            timing
+                .reply_timeout_cap
+                .value
+                .max(work(timing, class).unwrap_or_default() + reply_delay(timing))
+        };
         Self {
             read: wait(Class::Read),
             write: wait(Class::Write),
@@ -75,14 +91,26 @@ impl ReplyTimeouts {
 
     /// The effective wait for a station with `timing`, whose reply times suggest `learned`.
     #[must_use]
-    pub fn in_force(&self, class: Class, timing: &model::Timing, learned: Option<Duration>) -> Duration {
-        let learned = learned.filter(|_| self.learns).map(|learned| learned.max(floor(timing, class)));
+    pub fn in_force(
+        &self,
+        class: Class,
+        timing: &model::Timing,
+        learned: Option<Duration>,
+    ) -> Duration {
+        let learned = learned
+            .filter(|_| self.learns)
+            .map(|learned| learned.max(floor(timing, class)));
         learned.map_or(self.of(class), |learned| learned.min(self.of(class)))
     }
 
     /// The wait for a station that is known to be silent: short, but never so short that it could not answer.
     #[must_use]
-    pub fn probe(&self, class: Class, timing: &model::Timing, learned: Option<Duration>) -> Duration {
+    pub fn probe(
+        &self,
+        class: Class,
+        timing: &model::Timing,
+        learned: Option<Duration>,
+    ) -> Duration {
         let needed = learned.unwrap_or_default().max(floor(timing, class));
         PROBE_TIMEOUT.max(needed).min(self.of(class))
     }
@@ -121,7 +149,10 @@ pub fn turnaround(timing: &model::Timing, class: Class) -> Duration {
 /// The longest reply delay that can be set on the drive; zero if it is not known.
 #[must_use]
 pub fn reply_delay(timing: &model::Timing) -> Duration {
-    timing.reply_delay_max.as_ref().map_or(Duration::ZERO, |fact| fact.value)
+    timing
+        .reply_delay_max
+        .as_ref()
+        .map_or(Duration::ZERO, |fact| fact.value)
 }
 
 fn work(timing: &model::Timing, class: Class) -> Option<Duration> {
@@ -137,11 +168,15 @@ fn work(timing: &model::Timing, class: Class) -> Option<Duration> {
 /// the drive sends characters of `char_bits` bits.
 #[must_use]
 pub fn longer_reply(timing: &Timing, char_bits: Option<u8>, bytes: usize) -> Duration {
-    let bits = char_bits.map_or(0, |bits| u32::from(bits).saturating_sub(timing.link.bits_per_char()));
+    let bits = char_bits.map_or(0, |bits| {
+        u32::from(bits).saturating_sub(timing.link.bits_per_char())
+    });
     if !timing.paced || bits == 0 {
         return Duration::ZERO;
     }
-    Duration::from_nanos((bytes as u64 * u64::from(bits) * 1_000_000_000).div_ceil(timing.link.baud.max(1).into()))
+    Duration::from_nanos(
+        (bytes as u64 * u64::from(bits) * 1_000_000_000).div_ceil(timing.link.baud.max(1).into()),
+    )
 }
 
 #[cfg(test)]
@@ -153,7 +188,11 @@ mod tests {
     use crate::vendors;
 
     fn model() -> Model {
-        Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
+        Model::clone(
+            vendors::catalog()
+                .find("hyundai-n700")
+                .expect("it is built in"),
+        )
     }
 
     const fn ms(millis: u64) -> Duration {
@@ -161,27 +200,56 @@ mod tests {
     }
 
     fn fact(value: Duration) -> Option<Fact<Duration>> {
-        Some(Fact { value, confidence: Confidence::Manual, source: String::new() })
+        Some(Fact {
+            value,
+            confidence: Confidence::Manual,
+            source: String::new(),
+        })
     }
 
     #[test]
     fn a_reply_is_waited_for_at_least_as_long_as_the_drive_may_need() {
-        let timing = model::Timing { processing_max: fact(ms(10)), ..model().timing };
-        let delayed = model::Timing { reply_delay_max: fact(ms(600)), ..timing.clone() };
-        let storing = model::Timing { stored_write_max: fact(ms(800)), ..timing.clone() };
-        let both = model::Timing { stored_write_max: fact(ms(50)), ..delayed.clone() };
-        for (timing, read, stored_write) in
-            [(&timing, 500, 500), (&delayed, 610, 610), (&storing, 500, 800), (&both, 610, 650)]
-        {
+        let timing = model::Timing {
+            processing_max: fact(ms(10)),
+            ..model().timing
+        };
+        let delayed = model::Timing {
+            reply_delay_max: fact(ms(600)),
+            ..timing.clone()
+        };
+        let storing = model::Timing {
+            stored_write_max: fact(ms(800)),
+            ..timing.clone()
+        };
+        let both = model::Timing {
+            stored_write_max: fact(ms(50)),
+            ..delayed.clone()
+        };
+        for (timing, read, stored_write) in [
+            (&timing, 500, 500),
+            (&delayed, 610, 610),
+            (&storing, 500, 800),
+            (&both, 610, 650),
+        ] {
             let auto = ReplyTimeouts::auto(timing);
-            assert_eq!((auto.read, auto.write, auto.stored_write), (ms(read), ms(read), ms(stored_write)));
+            assert_eq!(
+                (auto.read, auto.write, auto.stored_write),
+                (ms(read), ms(read), ms(stored_write))
+            );
         }
     }
 
     #[test]
     fn a_learned_wait_lies_between_what_the_drive_may_need_and_the_cap() {
-        let timing = model::Timing { processing_max: fact(ms(10)), ..model().timing };
-        let timing = model::Timing { reply_delay_max: fact(ms(65)), stored_write_max: fact(ms(50)), ..timing };
+        let timing = model::Timing {
+            processing_max: fact(ms(10)),
+            ..model().timing
+        };
+        let timing = model::Timing {
+            reply_delay_max: fact(ms(65)),
+            stored_write_max: fact(ms(50)),
+            ..timing
+        };
         let unknown = model().timing;
         let auto = ReplyTimeouts::auto(&timing);
         for (timing, class, learned, wait, probe) in [
@@ -194,14 +262,32 @@ mod tests {
             (&unknown, Class::StoredWrite, Some(4), 30, 100),
         ] {
             let learned = learned.map(ms);
-            assert_eq!(auto.in_force(class, timing, learned), ms(wait), "{class:?} {learned:?}");
-            assert_eq!(auto.probe(class, timing, learned), ms(probe), "{class:?} {learned:?}");
+            assert_eq!(
+                auto.in_force(class, timing, learned),
+                ms(wait),
+                "{class:?} {learned:?}"
+            );
+            assert_eq!(
+                auto.probe(class, timing, learned),
+                ms(probe),
+                "{class:?} {learned:?}"
+            );
         }
         let fixed = ReplyTimeouts::fixed(ms(300));
-        assert_eq!(fixed.in_force(Class::Read, &timing, Some(ms(4))), ms(300), "a configured value stays");
-        let slow = model::Timing { reply_delay_max: fact(ms(1000)), ..timing };
+        assert_eq!(
+            fixed.in_force(Class::Read, &timing, Some(ms(4))),
+            ms(300),
+            "a configured value stays"
+        );
+        let slow = model::Timing {
+            reply_delay_max: fact(ms(1000)),
+            ..timing
+        };
         assert_eq!(fixed.probe(Class::Read, &slow, None), ms(300));
-        assert_eq!(ReplyTimeouts::fixed(ms(2000)).probe(Class::Read, &slow, None), ms(1030));
+        assert_eq!(
+            ReplyTimeouts::fixed(ms(2000)).probe(Class::Read, &slow, None),
+            ms(1030)
+        );
     }
 
     #[test]
@@ -210,29 +296,72 @@ mod tests {
         let at = |role| model.register_for(role).unwrap().address;
         let run = at(Role::RunCommand);
         let ramp = at(Role::AccelerationTime);
-        let class = |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
-        assert_eq!(class(&model, run), Class::Write, "it is commanded cyclically");
+        let class =
+            |model: &Model, address| Class::of(&Request::WriteSingle { address, value: 1 }, model);
+        assert_eq!(
+            class(&model, run),
+            Class::Write,
+            "it is commanded cyclically"
+        );
         assert_eq!(class(&model, ramp), Class::StoredWrite);
-        assert_eq!(class(&model, 0xFFFE_u16.into()), Class::StoredWrite, "it is not in the model");
+        assert_eq!(
+            class(&model, 0xFFFE_u16.into()),
+            Class::StoredWrite,
+            "it is not in the model"
+        );
         for register in &mut model.registers {
-            let memory = if register.address == run { Memory::Stored } else { Memory::Ram };
+            let memory = if register.address == run {
+                Memory::Stored
+            } else {
+                Memory::Ram
+            };
             register.memory = Some(memory);
         }
         assert_eq!(class(&model, run), Class::StoredWrite);
         assert_eq!(class(&model, ramp), Class::Write);
-        let block = |values| Class::of(&Request::WriteMultiple { address: ramp, values }, &model);
-        assert_eq!((block(vec![1]), block(vec![1, 2])), (Class::Write, Class::StoredWrite));
-        assert_eq!(Class::of(&Request::Read { address: run, count: 1 }, &model), Class::Read);
+        let block = |values| {
+            Class::of(
+                &Request::WriteMultiple {
+                    address: ramp,
+                    values,
+                },
+                &model,
+            )
+        };
+        assert_eq!(
+            (block(vec![1]), block(vec![1, 2])),
+            (Class::Write, Class::StoredWrite)
+        );
+        assert_eq!(
+            Class::of(
+                &Request::Read {
+                    address: run,
+                    count: 1
+                },
+                &model
+            ),
+            Class::Read
+        );
     }
 
     #[test]
     fn characters_of_more_bits_make_a_longer_reply() {
-        let link = LinkSettings { baud: 19_200, parity: Parity::Even, ..LinkSettings::DEFAULT };
+        let link = LinkSettings {
+            baud: 19_200,
+            parity: Parity::Even,
+            ..LinkSettings::DEFAULT
+        };
         let timing = Timing::for_models(Framing::Rtu, link, [], Duration::ZERO);
         // 7 characters of 12 bits instead of 11.
-        assert_eq!(longer_reply(&timing, Some(12), 7), Duration::from_nanos(364_584));
+        assert_eq!(
+            longer_reply(&timing, Some(12), 7),
+            Duration::from_nanos(364_584)
+        );
         assert_eq!(longer_reply(&timing, Some(11), 7), Duration::ZERO);
         assert_eq!(longer_reply(&timing, None, 7), Duration::ZERO);
-        assert_eq!(longer_reply(&timing.unpaced(ms(1)), Some(12), 7), Duration::ZERO);
+        assert_eq!(
+            longer_reply(&timing.unpaced(ms(1)), Some(12), 7),
+            Duration::ZERO
+        );
     }
 }

@@ -49,14 +49,27 @@ impl Timing {
             Framing::Rtu if link.baud > FIXED_SILENCE_ABOVE_BAUD => FIXED_SILENCE,
             Framing::Rtu | Framing::Mbap => Duration::ZERO,
         };
-        let needed = models.into_iter().map(|model| silence_for(model, framing, link)).max().unwrap_or_default();
-        Self { framing, link, silence: needed.max(least).max(min_request_gap), paced: framing.has_characters() }
+        let needed = models
+            .into_iter()
+            .map(|model| silence_for(model, framing, link))
+            .max()
+            .unwrap_or_default();
+        Self {
+            framing,
+            link,
+            silence: needed.max(least).max(min_request_gap),
+            paced: framing.has_characters(),
+        }
     }
 
     /// The same line without character times and with a silence of its own, for a pseudo-terminal or a network port.
     #[must_use]
     pub const fn unpaced(self, silence: Duration) -> Self {
-        Self { silence, paced: false, ..self }
+        Self {
+            silence,
+            paced: false,
+            ..self
+        }
     }
 
     /// Whether a device may stand between that asks the drives by itself, one after the other.
@@ -68,7 +81,11 @@ impl Timing {
     /// Time that `bytes` bytes take on the wire.
     #[must_use]
     pub fn on_wire(&self, bytes: usize) -> Duration {
-        if self.paced { self.link.bytes(bytes) } else { Duration::ZERO }
+        if self.paced {
+            self.link.bytes(bytes)
+        } else {
+            Duration::ZERO
+        }
     }
 
     /// Bytes on the wire of the frame that carries a PDU of `pdu_bytes`.
@@ -90,9 +107,15 @@ impl Timing {
 
 /// Silence that `model` needs before a frame. The gap in characters applies to RTU only: it is what separates frames.
 fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -> Duration {
-    let pause = model.quirks.pause_before_request.as_ref().map_or(Duration::ZERO, |pause| pause.value);
+    let pause = model
+        .quirks
+        .pause_before_request
+        .as_ref()
+        .map_or(Duration::ZERO, |pause| pause.value);
     match framing {
-        Framing::Rtu => link.chars(model.timing.gap_chars.value.max(LEAST_GAP_CHARS)).max(pause),
+        Framing::Rtu => link
+            .chars(model.timing.gap_chars.value.max(LEAST_GAP_CHARS))
+            .max(pause),
         Framing::Ascii | Framing::Mbap => pause,
     }
 }
@@ -115,7 +138,11 @@ pub(super) mod testing {
     /// An ASCII line with 7 data bits and even parity at the same speed.
     pub const ASCII: Timing = Timing {
         framing: Framing::Ascii,
-        link: LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT },
+        link: LinkSettings {
+            data_bits: 7,
+            parity: Parity::Even,
+            ..LinkSettings::DEFAULT
+        },
         silence: ASCII_SILENCE,
         paced: true,
     };
@@ -132,7 +159,11 @@ mod tests {
         let catalog = vendors::catalog();
         let mut model = Model::clone(catalog.find("hyundai-n700").unwrap());
         model.timing.gap_chars.value = gap_chars;
-        let fact = |value| Fact { value, confidence: Confidence::Manual, source: "IM 1".to_owned() };
+        let fact = |value| Fact {
+            value,
+            confidence: Confidence::Manual,
+            source: "IM 1".to_owned(),
+        };
         model.quirks.pause_before_request = pause.map(fact);
         model
     }
@@ -142,10 +173,26 @@ mod tests {
         let short = model(3.5, None);
         let long = model(4.5, None);
         let link = LinkSettings::DEFAULT;
-        let silence = |link, gap| Timing::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
-        assert_eq!(Timing::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO), N700);
-        assert_eq!(silence(link, Duration::from_millis(20)), Duration::from_millis(20));
-        assert_eq!(silence(LinkSettings { baud: 38_400, ..link }, Duration::ZERO), FIXED_SILENCE);
+        let silence =
+            |link, gap| Timing::for_models(Framing::Rtu, link, [&short, &long], gap).silence;
+        assert_eq!(
+            Timing::for_models(Framing::Rtu, link, [&short, &long], Duration::ZERO),
+            N700
+        );
+        assert_eq!(
+            silence(link, Duration::from_millis(20)),
+            Duration::from_millis(20)
+        );
+        assert_eq!(
+            silence(
+                LinkSettings {
+                    baud: 38_400,
+                    ..link
+                },
+                Duration::ZERO
+            ),
+            FIXED_SILENCE
+        );
     }
 
     #[test]
@@ -155,14 +202,28 @@ mod tests {
             Timing::for_models(Framing::Ascii, ASCII.link, models.iter().copied(), gap).silence
         };
         assert_eq!(silence(&[&slow], Duration::ZERO), Duration::from_millis(10));
-        assert_eq!(silence(&[&slow], Duration::from_millis(30)), Duration::from_millis(30));
-        assert_eq!(silence(&[&slow, &model(3.5, Some(Duration::from_millis(20)))], Duration::ZERO).as_millis(), 20);
+        assert_eq!(
+            silence(&[&slow], Duration::from_millis(30)),
+            Duration::from_millis(30)
+        );
+        assert_eq!(
+            silence(
+                &[&slow, &model(3.5, Some(Duration::from_millis(20)))],
+                Duration::ZERO
+            )
+            .as_millis(),
+            20
+        );
     }
 
     #[test]
     fn a_pause_that_a_model_needs_counts_on_rtu_lines_too() {
-        let models = [model(4.5, None), model(3.5, Some(Duration::from_millis(20)))];
-        let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, &models, Duration::ZERO);
+        let models = [
+            model(4.5, None),
+            model(3.5, Some(Duration::from_millis(20))),
+        ];
+        let timing =
+            Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, &models, Duration::ZERO);
         assert_eq!(timing.silence, Duration::from_millis(20));
     }
 
@@ -173,10 +234,19 @@ mod tests {
             Timing::for_models(Framing::Mbap, LinkSettings::DEFAULT, [&model], gap)
         };
         let plain = timing(None, Duration::ZERO);
-        assert_eq!((plain.silence, plain.on_wire(260), plain.longest_hole()), (Duration::ZERO, Duration::ZERO, None));
+        assert_eq!(
+            (plain.silence, plain.on_wire(260), plain.longest_hole()),
+            (Duration::ZERO, Duration::ZERO, None)
+        );
         assert_eq!(plain.adu_bytes(5), 12);
         let ms = Duration::from_millis;
-        assert_eq!((timing(Some(ms(20)), ms(5)).silence, timing(None, ms(5)).silence), (ms(20), ms(5)));
+        assert_eq!(
+            (
+                timing(Some(ms(20)), ms(5)).silence,
+                timing(None, ms(5)).silence
+            ),
+            (ms(20), ms(5))
+        );
     }
 
     #[test]

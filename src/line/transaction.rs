@@ -148,7 +148,8 @@ impl Wire {
     /// Since when others have been sending without a silence long enough for a frame; `None` if that is over at `now`.
     #[must_use]
     pub fn talks_since(&self, now: MonoTime) -> Option<MonoTime> {
-        (now < self.pause_at() && self.occupancy.since() < self.last_byte_at).then_some(self.occupancy.since())
+        (now < self.pause_at() && self.occupancy.since() < self.last_byte_at)
+            .then_some(self.occupancy.since())
     }
 
     /// A port of this `kind` was opened at `now`: whatever was on the wire is over.
@@ -168,14 +169,23 @@ impl Wire {
     /// [`Wire::may_send_from`], and no exchange is open.
     pub fn send(&mut self, now: MonoTime, exchange: Exchange, out: &mut Vec<u8>) {
         let start = out.len();
-        framing::encode(self.timing.framing, out, exchange.station.0, |pdu| exchange.request.encode(pdu));
+        framing::encode(self.timing.framing, out, exchange.station.0, |pdu| {
+            exchange.request.encode(pdu)
+        });
         let framing = self.timing.framing;
-        let transaction = framing.identifies_replies().then(|| self.transactions.take());
-        transaction.into_iter().for_each(|id| framing::set_transaction(framing, &mut out[start..], id));
+        let transaction = framing
+            .identifies_replies()
+            .then(|| self.transactions.take());
+        transaction
+            .into_iter()
+            .for_each(|id| framing::set_transaction(framing, &mut out[start..], id));
         let sent_bytes = out.len() - start;
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
-        let expected =
-            Expected { station: exchange.station.0, function: exchange.request.function(), adu_bytes: reply_bytes };
+        let expected = Expected {
+            station: exchange.station.0,
+            function: exchange.request.function(),
+            adu_bytes: reply_bytes,
+        };
         self.quiet_from = now + self.timing.on_wire(sent_bytes);
         let reply_due = self.quiet_from + exchange.timeout + self.timing.on_wire(reply_bytes);
         self.occupancy.sent(now, self.pause_at(), reply_due);
@@ -184,15 +194,29 @@ impl Wire {
         self.flush_idle_bytes();
         // The drive's clock may be some per cent fast.
         let on_wire = self.timing.on_wire(sent_bytes) + self.timing.on_wire(reply_bytes);
-        let earliest = if self.is_timed { now + on_wire * 9 / 10 } else { now };
+        let earliest = if self.is_timed {
+            now + on_wire * 9 / 10
+        } else {
+            now
+        };
         let may_echo = !framing.identifies_replies();
-        let is_sure = may_echo && (self.strips_echo || !exchange.request.is_repeated_by_its_reply());
-        self.own_echo.await_copy_of(&out[start..], is_sure, earliest);
+        let is_sure =
+            may_echo && (self.strips_echo || !exchange.request.is_repeated_by_its_reply());
+        self.own_echo
+            .await_copy_of(&out[start..], is_sure, earliest);
         let sent_until = if self.is_timed { self.quiet_from } else { now };
         let exception = None;
         let was_damaged = false;
-        self.open =
-            Some(Open { exchange, expected, transaction, sent_until, reply_due, give_up, exception, was_damaged });
+        self.open = Some(Open {
+            exchange,
+            expected,
+            transaction,
+            sent_until,
+            reply_due,
+            give_up,
+            exception,
+            was_damaged,
+        });
     }
 
     /// Hands a frame for `station`, from which no reply follows, to the port at `now`: puts it into the empty `out`. The
@@ -259,7 +283,11 @@ impl Wire {
         }
         // Bytes that look like the reply prove nothing before its time is over, and little then.
         let is_damaged = open.was_damaged || self.holds_damaged_reply();
-        self.finish(if is_damaged { Ending::Garbled } else { Ending::Silent })
+        self.finish(if is_damaged {
+            Ending::Garbled
+        } else {
+            Ending::Silent
+        })
     }
 
     /// From when on the received data may be treated as the damaged reply, because silence has followed it.
@@ -330,8 +358,14 @@ impl Wire {
 
     /// When an incomplete frame can no longer continue, if ever.
     fn frame_end_at(&self) -> Option<MonoTime> {
-        let adapters = if self.listens { LISTENED_HOLE } else { Duration::ZERO };
-        self.timing.longest_hole().map(|hole| self.last_byte_at + hole.max(adapters))
+        let adapters = if self.listens {
+            LISTENED_HOLE
+        } else {
+            Duration::ZERO
+        };
+        self.timing
+            .longest_hole()
+            .map(|hole| self.last_byte_at + hole.max(adapters))
     }
 
     fn finish(&mut self, ending: Ending) -> Option<(Exchange, Ending)> {
@@ -367,7 +401,9 @@ impl Wire {
     fn flush_idle_bytes(&mut self) {
         let rest = self.assembler.end();
         let kind = match framing::decode(self.timing.framing, &rest) {
-            Some((station, pdu)) if pdu::is_request(&pdu) => TrafficKind::OtherMaster(Station(station)),
+            Some((station, pdu)) if pdu::is_request(&pdu) => {
+                TrafficKind::OtherMaster(Station(station))
+            }
             Some((station, _)) => TrafficKind::Stray(Station(station)),
             None => TrafficKind::Noise,
         };
@@ -378,9 +414,21 @@ impl Wire {
         if bytes.is_empty() {
             return;
         }
-        let (first, end) = self.arrivals.take(bytes.len()).unwrap_or((self.last_byte_at, self.last_byte_at));
+        let (first, end) = self
+            .arrivals
+            .take(bytes.len())
+            .unwrap_or((self.last_byte_at, self.last_byte_at));
         // Bytes that are read at once arrived one after the other.
-        let begin = if self.is_timed { first.min(end.before(self.timing.on_wire(bytes.len()))) } else { first };
-        self.heard.push(Heard { kind, bytes, begin, end });
+        let begin = if self.is_timed {
+            first.min(end.before(self.timing.on_wire(bytes.len())))
+        } else {
+            first
+        };
+        self.heard.push(Heard {
+            kind,
+            bytes,
+            begin,
+            end,
+        });
     }
 }

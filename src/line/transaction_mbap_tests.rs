@@ -25,20 +25,33 @@ fn wire() -> Wire {
 
 fn message(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
-    mbap::encode(&mut out, transaction, unit, |adu| adu.extend_from_slice(pdu));
+    mbap::encode(&mut out, transaction, unit, |adu| {
+        adu.extend_from_slice(pdu)
+    });
     out
 }
 
 fn exchange(request: Request) -> Exchange {
-    Exchange { station: Station(1), request, timeout: Duration::from_millis(300), in_doubt: false }
+    Exchange {
+        station: Station(1),
+        request,
+        timeout: Duration::from_millis(300),
+        in_doubt: false,
+    }
 }
 
 fn read() -> Exchange {
-    exchange(Request::Read { address: 0x0C10_u16.into(), count: 1 })
+    exchange(Request::Read {
+        address: 0x0C10_u16.into(),
+        count: 1,
+    })
 }
 
 fn stop() -> Exchange {
-    exchange(Request::WriteSingle { address: 2_u16.into(), value: 0 })
+    exchange(Request::WriteSingle {
+        address: 2_u16.into(),
+        value: 0,
+    })
 }
 
 /// Sends `exchange`; returns its transaction.
@@ -53,7 +66,10 @@ fn answered() -> Option<(Exchange, Ending)> {
 }
 
 fn kinds(wire: &mut Wire) -> Vec<TrafficKind> {
-    wire.take_heard().into_iter().map(|heard| heard.kind).collect()
+    wire.take_heard()
+        .into_iter()
+        .map(|heard| heard.kind)
+        .collect()
 }
 
 #[test]
@@ -71,12 +87,18 @@ fn requests_are_numbered_one_after_the_other_over_every_connection() {
 #[test]
 fn a_reply_ends_its_exchange_with_its_last_byte_and_needs_no_silence() {
     let mut wire = wire();
-    for (pdu, ending) in [(&REPLY[..], Ending::Reply(Reply::Words(vec![6000]))), (&[0x83, 2], Ending::Exception(2))] {
+    for (pdu, ending) in [
+        (&REPLY[..], Ending::Reply(Reply::Words(vec![6000]))),
+        (&[0x83, 2], Ending::Exception(2)),
+    ] {
         let reply = message(send(&mut wire, read()), 1, pdu);
         for byte in &reply[..reply.len() - 1] {
             assert_eq!(wire.receive(AT, &[*byte]), None);
         }
-        assert_eq!(wire.receive(AT, &reply[reply.len() - 1..]), Some((read(), ending)));
+        assert_eq!(
+            wire.receive(AT, &reply[reply.len() - 1..]),
+            Some((read(), ending))
+        );
         assert_eq!(wire.may_send_from(), AT, "the next request follows at once");
     }
 }
@@ -87,15 +109,33 @@ fn only_number_unit_and_function_together_make_a_reply() {
     let id = send(&mut wire, read());
     let unit_1 = Station(1);
     for (bytes, kind) in [
-        (message(id.wrapping_sub(1), 1, &REPLY), TrafficKind::Stray(unit_1)),
-        (message(id.wrapping_add(1), 1, &REPLY), TrafficKind::Stray(unit_1)),
-        (message(id.wrapping_add(1), 2, &REPLY), TrafficKind::Stray(Station(2))),
+        (
+            message(id.wrapping_sub(1), 1, &REPLY),
+            TrafficKind::Stray(unit_1),
+        ),
+        (
+            message(id.wrapping_add(1), 1, &REPLY),
+            TrafficKind::Stray(unit_1),
+        ),
+        (
+            message(id.wrapping_add(1), 2, &REPLY),
+            TrafficKind::Stray(Station(2)),
+        ),
         (message(id, 2, &REPLY), TrafficKind::Foreign(Station(2))),
-        (message(id, 1, &[4, 2, 0x17, 0x70]), TrafficKind::Stray(unit_1)),
-        (message(id, 1, &[3, 4, 0, 1, 0, 2]), TrafficKind::Stray(unit_1)),
+        (
+            message(id, 1, &[4, 2, 0x17, 0x70]),
+            TrafficKind::Stray(unit_1),
+        ),
+        (
+            message(id, 1, &[3, 4, 0, 1, 0, 2]),
+            TrafficKind::Stray(unit_1),
+        ),
         (message(id, 1, &[0x84, 2]), TrafficKind::Stray(unit_1)),
         // Our own request, from a server that sends back what it gets.
-        (message(id, 1, &[3, 0x0C, 0x10, 0, 1]), TrafficKind::Stray(unit_1)),
+        (
+            message(id, 1, &[3, 0x0C, 0x10, 0, 1]),
+            TrafficKind::Stray(unit_1),
+        ),
     ] {
         assert_eq!(wire.receive(AT, &bytes), None, "{bytes:02X?}");
         assert_eq!(kinds(&mut wire), [kind], "{bytes:02X?}");
@@ -129,8 +169,18 @@ fn replies_that_changed_places_are_told_apart_in_one_read() {
     let newer = message(second, 1, &REPLY);
     let older = message(first, 1, &[3, 2, 0, 9]);
     let both = [older.clone(), newer.clone(), older, newer].concat();
-    assert_eq!(wire.receive(AT, &both), answered(), "not the 9 of the older one");
-    assert_eq!(kinds(&mut wire).iter().filter(|kind| **kind == TrafficKind::Reply).count(), 1);
+    assert_eq!(
+        wire.receive(AT, &both),
+        answered(),
+        "not the 9 of the older one"
+    );
+    assert_eq!(
+        kinds(&mut wire)
+            .iter()
+            .filter(|kind| **kind == TrafficKind::Reply)
+            .count(),
+        1
+    );
 }
 
 #[test]
@@ -140,23 +190,38 @@ fn the_rest_of_a_reply_is_waited_for_over_time_outs_and_requests() {
     assert_eq!(wire.receive(AT, &reply[..9]), None);
     let due = wire.wake_at().unwrap();
     assert_eq!(wire.pass(due), Some((read(), Ending::Silent)));
-    assert_eq!(wire.wake_at(), None, "nothing is to be done until more arrives");
+    assert_eq!(
+        wire.wake_at(),
+        None,
+        "nothing is to be done until more arrives"
+    );
     let second = send(&mut wire, read());
     assert_eq!(wire.receive(due, &reply[9..]), None);
     assert_eq!(wire.receive(due, &message(second, 1, &REPLY)), answered());
-    assert_eq!(kinds(&mut wire), [TrafficKind::Stray(Station(1)), TrafficKind::Reply]);
+    assert_eq!(
+        kinds(&mut wire),
+        [TrafficKind::Stray(Station(1)), TrafficKind::Reply]
+    );
 }
 
 #[test]
 fn a_header_that_is_none_gives_the_stream_up() {
-    for wrong in [&[0, 1, 0, 1][..], &[0, 1, 0, 0, 0, 1], &[0, 1, 0, 0, 1, 0], b"HTTP/1.1 400 Bad Request"] {
+    for wrong in [
+        &[0, 1, 0, 1][..],
+        &[0, 1, 0, 0, 0, 1],
+        &[0, 1, 0, 0, 1, 0],
+        b"HTTP/1.1 400 Bad Request",
+    ] {
         let mut wire = wire();
         send(&mut wire, read());
         let mut bytes = message(7, 1, &REPLY);
         bytes.extend(wrong);
         assert_eq!(wire.receive(AT, &bytes), None);
         assert!(wire.is_out_of_step(), "{wrong:02X?}");
-        assert_eq!(kinds(&mut wire), [TrafficKind::Stray(Station(1)), TrafficKind::Noise]);
+        assert_eq!(
+            kinds(&mut wire),
+            [TrafficKind::Stray(Station(1)), TrafficKind::Noise]
+        );
         assert_eq!(wire.abandon(AT), Some(read()));
         assert!(!wire.is_out_of_step());
     }
@@ -166,7 +231,9 @@ fn a_header_that_is_none_gives_the_stream_up() {
 fn a_peer_that_never_stops_sending_fills_no_memory() {
     let mut wire = wire();
     send(&mut wire, read());
-    let flood: Vec<u8> = std::iter::repeat_n(message(7, 1, &REPLY), 300).flatten().collect();
+    let flood: Vec<u8> = std::iter::repeat_n(message(7, 1, &REPLY), 300)
+        .flatten()
+        .collect();
     for _ in 0..1000 {
         assert_eq!(wire.receive(AT, &flood), None);
         assert!(!wire.is_out_of_step());

@@ -41,10 +41,19 @@ impl Clock {
     /// The wall-clock moment of `mono`.
     #[must_use]
     pub fn wall(&self, mono: MonoTime) -> WallTime {
-        let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
+        let millis = |from: MonoTime, to: MonoTime| {
+            i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX)
+        };
         let after = millis(self.anchor.mono, mono);
         let before = millis(mono, self.anchor.mono);
-        WallTime { unix_ms: self.anchor.wall.unix_ms.saturating_add(after).saturating_sub(before) }
+        WallTime {
+            unix_ms: self
+                .anchor
+                .wall
+                .unix_ms
+                .saturating_add(after)
+                .saturating_sub(before),
+        }
     }
 
     /// `mono` as RFC 3339 in UTC with milliseconds.
@@ -60,11 +69,22 @@ mod tests {
 
     #[test]
     fn labels_stay_until_the_wall_clock_is_set() {
-        let moment = |mono, unix_ms| Moment { mono: MonoTime::from_millis(mono), wall: WallTime { unix_ms } };
+        let moment = |mono, unix_ms| Moment {
+            mono: MonoTime::from_millis(mono),
+            wall: WallTime { unix_ms },
+        };
         let mut clock = Clock::new(moment(1_000, 50_000));
         clock.see(moment(2_000, 51_400));
-        assert_eq!(clock.wall(MonoTime::from_millis(2_000)).unix_ms, 51_000, "small drift is ignored");
-        assert_eq!(clock.wall(MonoTime::ZERO).unix_ms, 49_000, "also before the start");
+        assert_eq!(
+            clock.wall(MonoTime::from_millis(2_000)).unix_ms,
+            51_000,
+            "small drift is ignored"
+        );
+        assert_eq!(
+            clock.wall(MonoTime::ZERO).unix_ms,
+            49_000,
+            "also before the start"
+        );
         clock.see(moment(3_000, 1_000_000));
         assert_eq!(clock.wall(MonoTime::from_millis(2_000)).unix_ms, 999_000);
     }

@@ -19,7 +19,10 @@ impl Refused {
     /// With a message of its own.
     #[must_use]
     pub fn new(reason: Reason, message: impl Into<String>) -> Self {
-        Self { reason, message: message.into() }
+        Self {
+            reason,
+            message: message.into(),
+        }
     }
 
     /// With the message that the reason has.
@@ -54,8 +57,12 @@ pub fn run_word(text: &str) -> Result<RunWord, Refused> {
         ("stop", RunWord::Stop),
         ("coast", RunWord::Coast),
     ];
-    let found = table.iter().find(|(word, _)| text.trim().eq_ignore_ascii_case(word));
-    found.map(|(_, word)| *word).ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
+    let found = table
+        .iter()
+        .find(|(word, _)| text.trim().eq_ignore_ascii_case(word));
+    found
+        .map(|(_, word)| *word)
+        .ok_or_else(|| unknown_word(text, RUN_EXAMPLE))
 }
 
 /// Refuses the value of `key`, written as `text`, as no frequency. `step`: that of the drive's setpoint, where it is known.
@@ -70,14 +77,20 @@ pub fn no_frequency(why: NoFrequency, key: &str, text: &str, step: Option<Decima
         Some(step) => format!("between the drive's steps of {step} Hz"),
         None => why.to_string(),
     };
-    let message = format!("`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}", short(text));
+    let message = format!(
+        "`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}",
+        short(text)
+    );
     Refused::new(reason, message)
 }
 
 /// Refuses an unknown word where `right` is expected.
 #[must_use]
 pub fn unknown_word(text: &str, right: &str) -> Refused {
-    Refused::new(Reason::NotUnderstood, format!("`{}` is not valid here; expected {right}", short(text)))
+    Refused::new(
+        Reason::NotUnderstood,
+        format!("`{}` is not valid here; expected {right}", short(text)),
+    )
 }
 
 /// As much of `text` as a message shows.
@@ -104,8 +117,12 @@ pub fn without_mark(payload: &[u8]) -> &[u8] {
 pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refused> {
     match serde_json::from_slice(without_mark(payload)) {
         Ok(Value::Object(object)) => Ok(object),
-        Ok(_) => Err(not_understood(format!("a JSON object was expected, such as {example}"))),
-        Err(error) => Err(not_understood(format!("invalid JSON ({error}); right is, for example, {example}"))),
+        Ok(_) => Err(not_understood(format!(
+            "a JSON object was expected, such as {example}"
+        ))),
+        Err(error) => Err(not_understood(format!(
+            "invalid JSON ({error}); right is, for example, {example}"
+        ))),
     }
 }
 
@@ -114,10 +131,20 @@ pub fn object(payload: &[u8], example: &str) -> Result<Map<String, Value>, Refus
 /// # Errors
 /// It has another one, which is named.
 pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refused> {
-    let Some(key) = object.keys().find(|key| !keys.contains(&key.as_str())) else { return Ok(()) };
-    let near = (key.len() <= 64).then(|| nearest(key, keys.iter().copied())).flatten();
-    let right = near.map_or_else(|| format!("known keys: {}", keys.join(", ")), |near| format!("is it `{near}`?"));
-    Err(not_understood(format!("`{}` is unknown; {right}", short(key))))
+    let Some(key) = object.keys().find(|key| !keys.contains(&key.as_str())) else {
+        return Ok(());
+    };
+    let near = (key.len() <= 64)
+        .then(|| nearest(key, keys.iter().copied()))
+        .flatten();
+    let right = near.map_or_else(
+        || format!("known keys: {}", keys.join(", ")),
+        |near| format!("is it `{near}`?"),
+    );
+    Err(not_understood(format!(
+        "`{}` is unknown; {right}",
+        short(key)
+    )))
 }
 
 /// Checks that each key of `object`, which `payload` contains, occurs once.
@@ -125,7 +152,11 @@ pub fn known_keys(object: &Map<String, Value>, keys: &[&str]) -> Result<(), Refu
 /// # Errors
 /// One occurs twice.
 pub fn keys_stand_once(payload: &[u8], object: &Map<String, Value>) -> Result<(), Refused> {
-    if pairs_written(payload) == pairs_in(object) { Ok(()) } else { Err(not_understood("a key occurs twice")) }
+    if pairs_written(payload) == pairs_in(object) {
+        Ok(())
+    } else {
+        Err(not_understood("a key occurs twice"))
+    }
 }
 
 /// Number of key-value pairs written in the valid JSON text `payload`.
@@ -177,10 +208,18 @@ pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
             b'{' | b'[' => depth += 1,
             b'}' | b']' => depth = depth.saturating_sub(1),
             b'"' => {
-                let Some((key, behind)) = text_at(rest) else { return found };
-                let value = behind.trim_ascii_start().strip_prefix(b":").map(<[u8]>::trim_ascii_start);
+                let Some((key, behind)) = text_at(rest) else {
+                    return found;
+                };
+                let value = behind
+                    .trim_ascii_start()
+                    .strip_prefix(b":")
+                    .map(<[u8]>::trim_ascii_start);
                 let is_run = depth == 1 && is_text(key, "run");
-                match value.filter(|value| is_run && value.first() == Some(&b'"')).and_then(text_at) {
+                match value
+                    .filter(|value| is_run && value.first() == Some(&b'"'))
+                    .and_then(text_at)
+                {
                     Some((word, behind)) => {
                         match text_of(word).as_deref().map(run_word) {
                             Some(Ok(RunWord::Stop)) => return Some(RunWord::Stop),
@@ -203,7 +242,9 @@ pub fn stop_in(payload: &[u8]) -> Option<RunWord> {
 /// The stop that `word` is, with or without quotes.
 fn stop_alone(word: &[u8]) -> Option<RunWord> {
     let word = text_of(word).or_else(|| std::str::from_utf8(word).ok().map(str::to_owned))?;
-    run_word(&word).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
+    run_word(&word)
+        .ok()
+        .filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
 }
 
 /// The quoted text that `bytes` begin with, including quotes, and what follows; `None` if it does not end.
@@ -243,8 +284,10 @@ pub fn short_number(text: &str, example: &str) -> Result<(), Refused> {
     if text.len() <= NUMBER_CHARS_MAX {
         return Ok(());
     }
-    let message =
-        format!("`{}` is longer than {NUMBER_CHARS_MAX} characters; right is, for example, {example}", short(text));
+    let message = format!(
+        "`{}` is longer than {NUMBER_CHARS_MAX} characters; right is, for example, {example}",
+        short(text)
+    );
     Err(not_understood(message))
 }
 
@@ -256,7 +299,9 @@ pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
     match object.get("run") {
         None => Ok(None),
         Some(Value::String(text)) => run_word(text).map(Some),
-        Some(_) => Err(not_understood("`run` takes \"forward\", \"reverse\", \"stop\" or \"coast\"")),
+        Some(_) => Err(not_understood(
+            "`run` takes \"forward\", \"reverse\", \"stop\" or \"coast\"",
+        )),
     }
 }
 
@@ -264,11 +309,19 @@ pub fn run(object: &Map<String, Value>) -> Result<Option<RunWord>, Refused> {
 ///
 /// # Errors
 /// It is none.
-pub fn frequency(object: &Map<String, Value>, step: Option<Decimal>) -> Result<Option<Hertz>, Refused> {
-    let Some(value) = object.get("frequency_hz") else { return Ok(None) };
-    let number = value.as_f64().ok_or_else(|| not_a_number("frequency_hz", "42.5"))?;
+pub fn frequency(
+    object: &Map<String, Value>,
+    step: Option<Decimal>,
+) -> Result<Option<Hertz>, Refused> {
+    let Some(value) = object.get("frequency_hz") else {
+        return Ok(None);
+    };
+    let number = value
+        .as_f64()
+        .ok_or_else(|| not_a_number("frequency_hz", "42.5"))?;
     let frequency = Hertz::from_f64(number);
-    let frequency = frequency.map_err(|why| no_frequency(why, "frequency_hz", &value.to_string(), step))?;
+    let frequency =
+        frequency.map_err(|why| no_frequency(why, "frequency_hz", &value.to_string(), step))?;
     Ok(Some(frequency))
 }
 
@@ -293,7 +346,10 @@ pub fn not_understood(message: impl Into<String>) -> Refused {
 /// Refused because the value of `key` is no number.
 #[must_use]
 pub fn not_a_number(key: &str, example: &str) -> Refused {
-    Refused::new(Reason::NotANumber, format!("`{key}` takes a number, such as {example}"))
+    Refused::new(
+        Reason::NotANumber,
+        format!("`{key}` takes a number, such as {example}"),
+    )
 }
 
 #[cfg(test)]
@@ -323,12 +379,21 @@ mod tests {
         ] {
             assert_eq!(stop_in(text.as_bytes()), Some(RunWord::Stop), "{text}");
         }
-        assert_eq!(stop_in(br#"{"run":"coast","run":"forward"}"#), Some(RunWord::Coast));
+        assert_eq!(
+            stop_in(br#"{"run":"coast","run":"forward"}"#),
+            Some(RunWord::Coast)
+        );
         assert_eq!(stop_in(b"coast"), Some(RunWord::Coast));
-        assert_eq!(stop_in(b"{\"run\":\"stop\",\"x\":\"\xFF\"}"), Some(RunWord::Stop));
+        assert_eq!(
+            stop_in(b"{\"run\":\"stop\",\"x\":\"\xFF\"}"),
+            Some(RunWord::Stop)
+        );
         let large = format!(r#"{{"run":"stop","x":"{}"}}"#, "x".repeat(1_000_000));
         assert_eq!(stop_in(large.as_bytes()), Some(RunWord::Stop));
-        let late = format!(r#"{{"x":"{}","run":"stop"}}"#, "x".repeat(STOP_WITHIN_BYTES));
+        let late = format!(
+            r#"{{"x":"{}","run":"stop"}}"#,
+            "x".repeat(STOP_WITHIN_BYTES)
+        );
         assert_eq!(stop_in(late.as_bytes()), None, "beyond the searched bytes");
     }
 

@@ -197,9 +197,9 @@ pub(super) fn over_full(planned_use_per_mille: u32) -> Sentence {
 pub(super) fn suspicion(suspicion: Suspicion) -> Sentence {
     let said = Sentence::new(format!("suspicion.{}", suspicion.word()));
     let said = match suspicion {
-        Suspicion::WrongReplies { request, reply, .. } => {
-            said.with("request", request.to_string()).with("reply", reply.to_string())
-        }
+        Suspicion::WrongReplies { request, reply, .. } => said
+            .with("request", request.to_string())
+            .with("reply", reply.to_string()),
         _ => said,
     };
     match suspicion.station() {
@@ -227,24 +227,59 @@ mod tests {
     #[test]
     fn each_sign_has_a_word_of_its_own() {
         for sign in Sign::ALL {
-            assert_eq!(Sign::ALL.iter().filter(|it| it.word() == sign.word()).count(), 1, "{sign:?}");
+            assert_eq!(
+                Sign::ALL
+                    .iter()
+                    .filter(|it| it.word() == sign.word())
+                    .count(),
+                1,
+                "{sign:?}"
+            );
         }
     }
 
     #[test]
     fn the_documentation_lists_each_sign_with_its_meaning() {
         let page = include_str!("../../docs/trouble.md");
-        let table: String = Sign::ALL.iter().map(|it| format!("| `{}` | {} |\n", it.word(), it.meaning())).collect();
-        assert!(page.contains(&table), "docs/trouble.md should contain:\n{table}");
+        let table: String = Sign::ALL
+            .iter()
+            .map(|it| format!("| `{}` | {} |\n", it.word(), it.meaning()))
+            .collect();
+        assert!(
+            page.contains(&table),
+            "docs/trouble.md should contain:\n{table}"
+        );
     }
 
     #[test]
     fn a_motor_that_may_run_unseen_is_the_first_of_all_problems_and_a_trip_the_second() {
-        let finding =
-            |sign: Sign| Finding { severity: sign.severity(), sign, line: None, drive: None, text: Sentence::new("") };
-        let all =
-            ranked([Sign::OverFull, Sign::Offline, Sign::Tripped, Sign::LineDown, Sign::MayStillRun].map(finding));
+        let finding = |sign: Sign| Finding {
+            severity: sign.severity(),
+            sign,
+            line: None,
+            drive: None,
+            text: Sentence::new(""),
+        };
+        let all = ranked(
+            [
+                Sign::OverFull,
+                Sign::Offline,
+                Sign::Tripped,
+                Sign::LineDown,
+                Sign::MayStillRun,
+            ]
+            .map(finding),
+        );
         let signs: Vec<_> = all.iter().map(|it| it.sign).collect();
-        assert_eq!(signs, [Sign::MayStillRun, Sign::Tripped, Sign::Offline, Sign::LineDown, Sign::OverFull]);
+        assert_eq!(
+            signs,
+            [
+                Sign::MayStillRun,
+                Sign::Tripped,
+                Sign::Offline,
+                Sign::LineDown,
+                Sign::OverFull
+            ]
+        );
     }
 }

@@ -29,7 +29,10 @@ impl Seal {
     pub(super) fn text(&self, number: u64) -> String {
         let mut code = Blake2sMac::<U16>::new(&self.key.into());
         code.update(&number.to_le_bytes());
-        format!("{number}-{:032x}", u128::from_be_bytes(code.finalize_fixed().into()))
+        format!(
+            "{number}-{:032x}",
+            u128::from_be_bytes(code.finalize_fixed().into())
+        )
     }
 
     /// The number that `text` seals; `None` unless [`text`](Self::text) has written it with this key.
@@ -48,7 +51,10 @@ impl fmt::Debug for Seal {
 
 /// Compares in constant time.
 fn is_equal(one: &[u8], other: &[u8]) -> bool {
-    let differences = one.iter().zip(other).fold(0, |all, (one, other)| all | (one ^ other));
+    let differences = one
+        .iter()
+        .zip(other)
+        .fold(0, |all, (one, other)| all | (one ^ other));
     one.len() == other.len() && differences == 0
 }
 
@@ -65,7 +71,10 @@ mod tests {
             assert_eq!(seal.number(text.as_bytes()), Some(number), "{text}");
             assert_eq!(other.number(text.as_bytes()), None, "{text}");
         }
-        assert_ne!(seal.text(1).split_once('-').unwrap().1, seal.text(2).split_once('-').unwrap().1);
+        assert_ne!(
+            seal.text(1).split_once('-').unwrap().1,
+            seal.text(2).split_once('-').unwrap().1
+        );
         assert_eq!(format!("{seal:?}"), "Seal", "the key is shown nowhere");
     }
 
@@ -82,8 +91,19 @@ mod tests {
             }
         }
         let (number, code) = text.split_once('-').unwrap();
-        let longer = [format!("0{text}"), format!("+{text}"), format!("{text}0"), format!("{text}-")];
-        let shorter = [number.to_owned(), format!("{number}-"), format!("-{code}"), code.to_owned(), String::new()];
+        let longer = [
+            format!("0{text}"),
+            format!("+{text}"),
+            format!("{text}0"),
+            format!("{text}-"),
+        ];
+        let shorter = [
+            number.to_owned(),
+            format!("{number}-"),
+            format!("-{code}"),
+            code.to_owned(),
+            String::new(),
+        ];
         for wrong in longer.iter().chain(&shorter) {
             assert_eq!(seal.number(wrong.as_bytes()), None, "{wrong}");
         }

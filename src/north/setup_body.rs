@@ -10,8 +10,13 @@ pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 /// The addresses that `body` names; `None` unless it is an object with only these.
 #[must_use]
 pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
-    let list = object.get("addresses").filter(|_| object.len() == 1)?.as_array()?;
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
+        return None;
+    };
+    let list = object
+        .get("addresses")
+        .filter(|_| object.len() == 1)?
+        .as_array()?;
     let is_bounded = (1..=Go::REGISTERS_MAX).contains(&list.len());
     let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
     is_bounded.then(|| list.iter().map(address).collect())?
@@ -23,10 +28,15 @@ pub const WATCHDOG_EXAMPLE: &str = r#"{"time_ms": 5000}"#;
 /// The time that `body` names, or `Some(None)` for off; `None` unless it is an object with only that.
 #[must_use]
 pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
+        return None;
+    };
     match object.get("time_ms").filter(|_| object.len() == 1)? {
         Value::Null => Some(None),
-        time => time.as_u64().filter(|millis| *millis > 0).map(|millis| Some(Duration::from_millis(millis))),
+        time => time
+            .as_u64()
+            .filter(|millis| *millis > 0)
+            .map(|millis| Some(Duration::from_millis(millis))),
     }
 }
 
@@ -36,8 +46,14 @@ pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
 /// The word, or the number in two words, that `body` names; `None` unless it is an object with only that.
 #[must_use]
 pub fn parameter_number(body: &[u8]) -> Option<u32> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else { return None };
-    object.get("raw").filter(|_| object.len() == 1)?.as_u64().and_then(|raw| u32::try_from(raw).ok())
+    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
+        return None;
+    };
+    object
+        .get("raw")
+        .filter(|_| object.len() == 1)?
+        .as_u64()
+        .and_then(|raw| u32::try_from(raw).ok())
 }
 
 #[cfg(test)]
@@ -47,18 +63,33 @@ mod tests {
     #[test]
     fn a_body_names_one_word() {
         assert_eq!(parameter_number(PARAMETER_EXAMPLE.as_bytes()), Some(100));
-        for wrong in
-            ["", "100", r#"{"raw": -1}"#, r#"{"raw": 4294967296}"#, r#"{"raw": "1"}"#, r#"{"raw": 1, "to": 2}"#]
-        {
+        for wrong in [
+            "",
+            "100",
+            r#"{"raw": -1}"#,
+            r#"{"raw": 4294967296}"#,
+            r#"{"raw": "1"}"#,
+            r#"{"raw": 1, "to": 2}"#,
+        ] {
             assert_eq!(parameter_number(wrong.as_bytes()), None, "{wrong}");
         }
     }
 
     #[test]
     fn a_body_names_one_time_or_none() {
-        assert_eq!(watchdog_time(WATCHDOG_EXAMPLE.as_bytes()), Some(Some(Duration::from_secs(5))));
+        assert_eq!(
+            watchdog_time(WATCHDOG_EXAMPLE.as_bytes()),
+            Some(Some(Duration::from_secs(5)))
+        );
         assert_eq!(watchdog_time(br#"{"time_ms": null}"#), Some(None));
-        for wrong in ["", "5000", r#"{"time_ms": 0}"#, r#"{"time_ms": "5s"}"#, r#"{"time_ms": -1}"#, r#"{"time": 1}"#] {
+        for wrong in [
+            "",
+            "5000",
+            r#"{"time_ms": 0}"#,
+            r#"{"time_ms": "5s"}"#,
+            r#"{"time_ms": -1}"#,
+            r#"{"time": 1}"#,
+        ] {
             assert_eq!(watchdog_time(wrong.as_bytes()), None, "{wrong}");
         }
     }

@@ -72,7 +72,9 @@ pub fn message(model: &Model, report: &Report) -> String {
 pub fn said(model: &Model, report: &Report) -> Sentence {
     let said = said_alone(report);
     match report.exception.and_then(|code| model.exception_text(code)) {
-        Some(text) => Sentence::new("reason.by_exception").with("reason", said).with("text", text.marked()),
+        Some(text) => Sentence::new("reason.by_exception")
+            .with("reason", said)
+            .with("text", text.marked()),
         None => said,
     }
 }
@@ -88,24 +90,35 @@ fn said_alone(report: &Report) -> Sentence {
     match (report.register, report.held) {
         (Some(register), Some(held)) => {
             let holds = Sentence::new("reason.register_holds").with("reason", reason);
-            holds.with("register", register.to_string()).with("held", held.to_string())
+            holds
+                .with("register", register.to_string())
+                .with("held", held.to_string())
         }
-        (Some(register), None) => {
-            Sentence::new("reason.register_unseen").with("reason", reason).with("register", register.to_string())
-        }
+        (Some(register), None) => Sentence::new("reason.register_unseen")
+            .with("reason", reason)
+            .with("register", register.to_string()),
         _ => reason,
     }
 }
 
 /// When the value of `register` grows stale; `None` if there is none.
 #[must_use]
-pub fn stale_at(drive: &DriveDescription, register: &Register, view: &DriveView) -> Option<MonoTime> {
+pub fn stale_at(
+    drive: &DriveDescription,
+    register: &Register,
+    view: &DriveView,
+) -> Option<MonoTime> {
     drive.stale_at(register, &view.snapshot)
 }
 
 /// The value of `register`, unless it is stale.
 #[must_use]
-pub fn fresh(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Option<ValueReading> {
+pub fn fresh(
+    drive: &DriveDescription,
+    register: &Register,
+    view: &DriveView,
+    at: MonoTime,
+) -> Option<ValueReading> {
     drive.fresh(register, &view.snapshot, at)
 }
 
@@ -120,7 +133,9 @@ pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Opti
 /// Whether a warning is active; `None` if the model has none, or it is not known.
 #[must_use]
 pub fn warns(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<bool> {
-    warning(drive, view, at).filter(|_| view.is_online()).map(|word| word != 0)
+    warning(drive, view, at)
+        .filter(|_| view.is_online())
+        .map(|word| word != 0)
 }
 
 /// The texts of the active warnings; `None` if there are none, or they are not known.
@@ -139,7 +154,12 @@ pub fn drive_state(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> 
 
 /// How reliable the last reading of `register` is.
 #[must_use]
-pub fn quality(drive: &DriveDescription, register: &Register, view: &DriveView, at: MonoTime) -> Freshness {
+pub fn quality(
+    drive: &DriveDescription,
+    register: &Register,
+    view: &DriveView,
+    at: MonoTime,
+) -> Freshness {
     match stale_at(drive, register, view) {
         None => Freshness::Never,
         Some(stale_at) if at < stale_at => Freshness::Good,
@@ -162,23 +182,29 @@ pub fn last_seen(view: &DriveView, clock: &Clock) -> Value {
 /// The declared action that fell due since the last RUN, with the stage that it has reached; `null` if none did.
 #[must_use]
 pub fn fail_safe(control: Option<&ControlView>, clock: &Clock) -> Value {
-    control.and_then(|control| control.failsafe).map_or(Value::Null, |run| {
-        json!({
-            "action": run.action.word(),
-            "cause": run.cause.word(),
-            "stage": run.stage.word(),
-            "at": clock.text(run.at),
+    control
+        .and_then(|control| control.failsafe)
+        .map_or(Value::Null, |run| {
+            json!({
+                "action": run.action.word(),
+                "cause": run.cause.word(),
+                "stage": run.stage.word(),
+                "at": clock.text(run.at),
+            })
         })
-    })
 }
 
 /// That a drive that is out of sight may still run, and what was last seen of it.
 #[must_use]
 pub fn may_still_run(view: &DriveView) -> Sentence {
-    let Some(seen) = view.sight.last_seen else { return Sentence::new("finding.may_still_run") };
+    let Some(seen) = view.sight.last_seen else {
+        return Sentence::new("finding.may_still_run");
+    };
     let state = Sentence::new(format!("finding.state.{}", seen.run_state.word()));
     match seen.output {
-        Some(hertz) => Sentence::new("finding.may_still_run_at").with("state", state).with("output", hertz.as_f64()),
+        Some(hertz) => Sentence::new("finding.may_still_run_at")
+            .with("state", state)
+            .with("output", hertz.as_f64()),
         None => Sentence::new("finding.may_still_run_seen").with("state", state),
     }
 }
@@ -188,23 +214,34 @@ pub fn may_still_run(view: &DriveView) -> Sentence {
 pub fn fail_safe_text(run: FailSafeRun) -> Sentence {
     let came = match run.action {
         FailSafe::Hold => Sentence::new("finding.failsafe.hold"),
-        action => Sentence::new(format!("finding.failsafe.{}", run.stage.word())).with("action", action.word()),
+        action => Sentence::new(format!("finding.failsafe.{}", run.stage.word()))
+            .with("action", action.word()),
     };
     let cause = Sentence::new(format!("finding.cause.{}", run.cause.word()));
-    Sentence::new("finding.failsafe").with("cause", cause).with("came", came)
+    Sentence::new("finding.failsafe")
+        .with("cause", cause)
+        .with("came", came)
 }
 
 /// The run state for clients that are also shown that the drive does not answer: such a drive may do anything.
 #[must_use]
 pub fn answered_run_state(view: &DriveView) -> RunState {
-    if view.is_online() && view.run_state != RunState::Offline { view.run_state } else { RunState::Unknown }
+    if view.is_online() && view.run_state != RunState::Offline {
+        view.run_state
+    } else {
+        RunState::Unknown
+    }
 }
 
 /// The run state; offline while the drive cannot be reached, whatever was known before.
 #[must_use]
 pub fn run_state(view: &DriveView) -> RunState {
     let was_seen = view.snapshot.presence != Presence::Unknown;
-    if was_seen && !view.is_online() { RunState::Offline } else { view.run_state }
+    if was_seen && !view.is_online() {
+        RunState::Offline
+    } else {
+        view.run_state
+    }
 }
 
 /// The word for whether the drive answers.
@@ -220,17 +257,30 @@ pub fn presence(view: &DriveView) -> &'static str {
 /// What a drive's control section and model allow to be commanded, as words.
 #[must_use]
 pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
-    let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else { return Vec::new() };
+    let (Some(control), Some(run)) = (&drive.control, &drive.model.run) else {
+        return Vec::new();
+    };
     let may = |action| run.may(action, &control.accept_unverified);
     let has_run = control.bus.has_run();
     let table = [
         ("stop", true),
         ("frequency", control.bus.has_frequency()),
-        ("forward", has_run && control.directions.contains(&Direction::Forward)),
-        ("reverse", has_run && control.directions.contains(&Direction::Reverse) && may(ControlAction::Reverse)),
+        (
+            "forward",
+            has_run && control.directions.contains(&Direction::Forward),
+        ),
+        (
+            "reverse",
+            has_run
+                && control.directions.contains(&Direction::Reverse)
+                && may(ControlAction::Reverse),
+        ),
         ("coast", has_run && may(ControlAction::Coast)),
         ("reset", has_run && may(ControlAction::Reset)),
-        ("release", has_run && control.allow_release && may(ControlAction::Release)),
+        (
+            "release",
+            has_run && control.allow_release && may(ControlAction::Release),
+        ),
         ("take", control.allow_take),
     ];
     words(&table)
@@ -239,7 +289,12 @@ pub fn capabilities(drive: &DriveDescription) -> Vec<&'static str> {
 /// The unproven actions that are accepted because they were confirmed at this very drive, as words.
 #[must_use]
 pub fn site(control: &ControlSettings) -> Vec<&'static str> {
-    control.site.actions.iter().map(|action| action.word()).collect()
+    control
+        .site
+        .actions
+        .iter()
+        .map(|action| action.word())
+        .collect()
 }
 
 /// The sources from which commands are accepted, as named in the configuration.
@@ -254,7 +309,11 @@ pub fn sources(control: &ControlSettings) -> Vec<&'static str> {
 }
 
 fn words(table: &[(&'static str, bool)]) -> Vec<&'static str> {
-    table.iter().filter(|(_, is_there)| *is_there).map(|(word, _)| *word).collect()
+    table
+        .iter()
+        .filter(|(_, is_there)| *is_there)
+        .map(|(word, _)| *word)
+        .collect()
 }
 
 /// The word for what is ordered.

@@ -23,7 +23,11 @@ const START_MS: u64 = 1_000;
 const OUTPUT: u16 = 0x0101;
 
 pub fn model() -> Model {
-    Model::clone(vendors::catalog().find("hyundai-n700").expect("it is built in"))
+    Model::clone(
+        vendors::catalog()
+            .find("hyundai-n700")
+            .expect("it is built in"),
+    )
 }
 
 pub fn name(text: &str) -> Name {
@@ -34,18 +38,32 @@ pub fn message<'a>(topic: &'a str, payload: &'a [u8]) -> Message<'a> {
     let retain = false;
     let duplicate = false;
     let expiry = None;
-    Message { topic, payload, retain, duplicate, expiry, response_topic: None, correlation: None }
+    Message {
+        topic,
+        payload,
+        retain,
+        duplicate,
+        expiry,
+        response_topic: None,
+        correlation: None,
+    }
 }
 
 pub fn idle_control() -> ControlView {
-    ControlView { epoch: 1, ..ControlView::default() }
+    ControlView {
+        epoch: 1,
+        ..ControlView::default()
+    }
 }
 
 /// `pump`, which this controls, and `fan`, which no client may control, on line `hall`.
 pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
     let model = Arc::new(model());
     let drive = |place: u16, called: &str, control: Option<ControlSettings>| DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(place),
+        },
         name: name(called),
         line: name("hall"),
         model: model.clone(),
@@ -55,7 +73,10 @@ pub fn drives(control: ControlSettings) -> Vec<DriveDescription> {
         pace: Pace::new(Duration::from_millis(500), 1.0),
         ratings: Ratings::default(),
         control: control.map(Arc::new),
-        points: Points { dead_bands: vec![("output_frequency".into(), 0.5)], ..Points::default() },
+        points: Points {
+            dead_bands: vec![("output_frequency".into(), 0.5)],
+            ..Points::default()
+        },
     };
     vec![drive(0, "pump", Some(control)), drive(1, "fan", None)]
 }
@@ -76,19 +97,35 @@ impl Stage {
     pub fn new() -> Self {
         let lines = vec![LineState {
             name: name("hall"),
-            report: LineReport { state: report::LineState::Up, ..LineReport::default() },
+            report: LineReport {
+                state: report::LineState::Up,
+                ..LineReport::default()
+            },
             stations: Vec::new(),
         }];
         let mut views = vec![DriveView::default(); 2];
         views[0].control = Some(idle_control());
-        let broker = Broker { maximum_packet_bytes: None, retains: true };
-        Self { views, shown: Vec::new(), lines, millis: START_MS, wall_set_by: 0, broker }
+        let broker = Broker {
+            maximum_packet_bytes: None,
+            retains: true,
+        };
+        Self {
+            views,
+            shown: Vec::new(),
+            lines,
+            millis: START_MS,
+            wall_set_by: 0,
+            broker,
+        }
     }
 
     pub fn at(&self) -> Moment {
         let since = i64::try_from(self.millis - START_MS).expect("a moment");
         let unix_ms = EPOCH_MS + since + self.wall_set_by;
-        Moment { mono: MonoTime::from_millis(self.millis), wall: WallTime { unix_ms } }
+        Moment {
+            mono: MonoTime::from_millis(self.millis),
+            wall: WallTime { unix_ms },
+        }
     }
 
     pub fn now(&self) -> MonoTime {
@@ -113,7 +150,8 @@ impl Stage {
     /// Shows the session the present drives.
     pub fn show(&mut self) {
         let is_same = |(shown, view): (&Arc<DriveView>, &DriveView)| shown.as_ref() == view;
-        if self.shown.len() != self.views.len() || !self.shown.iter().zip(&self.views).all(is_same) {
+        if self.shown.len() != self.views.len() || !self.shown.iter().zip(&self.views).all(is_same)
+        {
             self.shown = self.views.iter().cloned().map(Arc::new).collect();
         }
     }
@@ -136,7 +174,10 @@ pub trait Staged {
     fn pass(&mut self, millis: u64) -> Vec<Self::Act> {
         let until = self.stage().millis + millis;
         let mut all = Vec::new();
-        while let Some(wake) = self.next_wake().filter(|wake| *wake <= MonoTime::from_millis(until)) {
+        while let Some(wake) = self
+            .next_wake()
+            .filter(|wake| *wake <= MonoTime::from_millis(until))
+        {
             // A wake-up within a millisecond is rounded up; one in the past would be an endless loop.
             let wake = wake.as_nanos().div_ceil(1_000_000);
             assert!(all.len() < 10_000, "woken for ever");
@@ -146,7 +187,10 @@ pub trait Staged {
             self.tick(at);
             let more = self.acts();
             let next = self.next_wake();
-            assert!(next.is_none_or(|next| next > at.mono), "woken for nothing at {next:?}");
+            assert!(
+                next.is_none_or(|next| next > at.mono),
+                "woken for nothing at {next:?}"
+            );
             all.extend(more);
         }
         self.stage().millis = until;

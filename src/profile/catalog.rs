@@ -32,14 +32,23 @@ struct Files<'c> {
 
 impl Sources for Files<'_> {
     fn find(&self, id: &str) -> Option<Source<'_>> {
-        let known = self.catalog.models.get(id).map(|entry| Source { file: &entry.file, text: &entry.text });
-        let new = || self.new.iter().find(|(_, text)| id_of(text).as_deref() == Some(id));
+        let known = self.catalog.models.get(id).map(|entry| Source {
+            file: &entry.file,
+            text: &entry.text,
+        });
+        let new = || {
+            self.new
+                .iter()
+                .find(|(_, text)| id_of(text).as_deref() == Some(id))
+        };
         known.or_else(|| new().map(|(file, text)| Source { file, text }))
     }
 
     fn ids(&self) -> Vec<String> {
         let known = self.catalog.ids().map(str::to_owned);
-        known.chain(self.new.iter().filter_map(|(_, text)| id_of(text))).collect()
+        known
+            .chain(self.new.iter().filter_map(|(_, text)| id_of(text)))
+            .collect()
     }
 }
 
@@ -47,7 +56,13 @@ impl Sources for Files<'_> {
 #[must_use]
 pub fn id_of(text: &str) -> Option<String> {
     let document = toml_file::document(text, &mut Vec::new())?;
-    document.section().table.get("id")?.get_ref().as_str().map(str::to_owned)
+    document
+        .section()
+        .table
+        .get("id")?
+        .get_ref()
+        .as_str()
+        .map(str::to_owned)
 }
 
 /// The identifier of the model that is built in as `file`: `maker-series` in `maker/series.toml`.
@@ -60,12 +75,20 @@ fn built_in_id(file: &str) -> String {
 fn digest(text: &str, files: &Files<'_>) -> u64 {
     const CRC: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
     let mut digest = CRC.digest();
-    for line in text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+    for line in text
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+    {
         digest.update(line.as_bytes());
         digest.update(b"\n");
     }
-    let may_begin_from_another = text.lines().any(|line| line.trim_start().starts_with("like"));
-    let whole = may_begin_from_another.then(|| Whole::read(text, files, &mut Vec::new())).flatten();
+    let may_begin_from_another = text
+        .lines()
+        .any(|line| line.trim_start().starts_with("like"));
+    let whole = may_begin_from_another
+        .then(|| Whole::read(text, files, &mut Vec::new()))
+        .flatten();
     if let Some(base) = whole.as_ref().and_then(Whole::base) {
         digest.update(&self::digest(base.text, files).to_le_bytes());
     }
@@ -75,7 +98,13 @@ fn digest(text: &str, files: &Files<'_>) -> u64 {
 /// The model in `text` with its digest, and where its identifier is.
 fn read(text: &str, files: &Files<'_>) -> Result<(Model, Location), Vec<Problem>> {
     let (model, id) = check::model_and_id(text, files)?;
-    Ok((Model { digest: digest(text, files), ..model }, id))
+    Ok((
+        Model {
+            digest: digest(text, files),
+            ..model
+        },
+        id,
+    ))
 }
 
 impl Catalog {
@@ -84,16 +113,27 @@ impl Catalog {
     #[must_use]
     pub fn of_sound(texts: &[(&'static str, &'static str)]) -> Self {
         let entry = |(file, text): &(&'static str, &'static str)| {
-            (built_in_id(file), Arc::new(Entry { file: (*file).into(), text: (*text).into(), model: OnceLock::new() }))
+            (
+                built_in_id(file),
+                Arc::new(Entry {
+                    file: (*file).into(),
+                    text: (*text).into(),
+                    model: OnceLock::new(),
+                }),
+            )
         };
-        Self { models: texts.iter().map(entry).collect() }
+        Self {
+            models: texts.iter().map(entry).collect(),
+        }
     }
 
     /// The models of `texts`, pairs of file name and content.
     ///
     /// # Errors
     /// As [`Self::with_texts`].
-    pub fn from_texts<'a>(texts: impl IntoIterator<Item = (&'a str, &'a str)>) -> Result<Self, Vec<(String, Problem)>> {
+    pub fn from_texts<'a>(
+        texts: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, Vec<(String, Problem)>> {
         Self::default().with_texts(texts)
     }
 
@@ -106,13 +146,25 @@ impl Catalog {
         mut self,
         texts: impl IntoIterator<Item = (F, T)>,
     ) -> Result<Self, Vec<(String, Problem)>> {
-        let new: Vec<_> = texts.into_iter().map(|(file, text)| (file.into(), text.as_ref().to_owned())).collect();
-        let files = Files { catalog: &self, new: &new };
+        let new: Vec<_> = texts
+            .into_iter()
+            .map(|(file, text)| (file.into(), text.as_ref().to_owned()))
+            .collect();
+        let files = Files {
+            catalog: &self,
+            new: &new,
+        };
         let read: Vec<_> = new.iter().map(|(_, text)| read(text, &files)).collect();
         let mut all = Vec::new();
         for ((file, text), read) in new.into_iter().zip(read) {
             let added = read.and_then(|(model, id)| self.add(model, file.clone(), text, &id));
-            all.extend(added.err().into_iter().flatten().map(|problem| (file.clone(), problem)));
+            all.extend(
+                added
+                    .err()
+                    .into_iter()
+                    .flatten()
+                    .map(|problem| (file.clone(), problem)),
+            );
         }
         if all.is_empty() { Ok(self) } else { Err(all) }
     }
@@ -121,17 +173,36 @@ impl Catalog {
     #[must_use]
     pub fn text_of(&self, id: &str) -> Option<String> {
         let text = &self.models.get(id)?.text;
-        let files = Files { catalog: self, new: &[] };
+        let files = Files {
+            catalog: self,
+            new: &[],
+        };
         let whole = Whole::read(text, &files, &mut Vec::new())?;
-        Some(if whole.base().is_none() { text.to_string() } else { whole.text() })
+        Some(if whole.base().is_none() {
+            text.to_string()
+        } else {
+            whole.text()
+        })
     }
 
     /// The model with identifier `id`, if any.
     #[must_use]
     pub fn find(&self, id: &str) -> Option<&Arc<Model>> {
         let entry = self.models.get(id)?;
-        let read = || read(&entry.text, &Files { catalog: self, new: &[] }).ok();
-        entry.model.get_or_init(|| read().map(|(model, _)| Arc::new(model))).as_ref()
+        let read = || {
+            read(
+                &entry.text,
+                &Files {
+                    catalog: self,
+                    new: &[],
+                },
+            )
+            .ok()
+        };
+        entry
+            .model
+            .get_or_init(|| read().map(|(model, _)| Arc::new(model)))
+            .as_ref()
     }
 
     /// All models, in the order of their identifiers.
@@ -144,14 +215,30 @@ impl Catalog {
         self.models.keys().map(String::as_str)
     }
 
-    fn add(&mut self, model: Model, file: String, text: String, id: &Location) -> Result<(), Vec<Problem>> {
+    fn add(
+        &mut self,
+        model: Model,
+        file: String,
+        text: String,
+        id: &Location,
+    ) -> Result<(), Vec<Problem>> {
         if let Some(taken) = self.models.get(&model.id) {
-            let problem = id.problem(format!("`{}` is already defined by {}", model.id, taken.file));
+            let problem = id.problem(format!(
+                "`{}` is already defined by {}",
+                model.id, taken.file
+            ));
             return Err(vec![problem.right("a unique identifier")]);
         }
         let id = model.id.clone();
         let model = OnceLock::from(Some(Arc::new(model)));
-        self.models.insert(id, Arc::new(Entry { file: file.into(), text: text.into(), model }));
+        self.models.insert(
+            id,
+            Arc::new(Entry {
+                file: file.into(),
+                text: text.into(),
+                model,
+            }),
+        );
         Ok(())
     }
 }
@@ -179,7 +266,10 @@ mod tests {
             ("acme/broken.toml", "id ="),
         ]);
         let is_read = |id: &str| catalog.models[id].model.get().is_some();
-        assert_eq!(catalog.ids().collect::<Vec<_>>(), ["acme-1", "acme-broken", "acme-everything", "acme-like"]);
+        assert_eq!(
+            catalog.ids().collect::<Vec<_>>(),
+            ["acme-1", "acme-broken", "acme-everything", "acme-like"]
+        );
         assert!(catalog.ids().all(|id| !is_read(id)));
         let copy = catalog.clone();
         let model = copy.find("acme-1").unwrap();
@@ -191,7 +281,10 @@ mod tests {
         assert_eq!(ids, ["acme-1", "acme-everything", "acme-like"]);
 
         let problems = catalog.with_texts([("own.toml", MODEL)]).unwrap_err();
-        assert_eq!(problems[0].1.what, "`acme-1` is already defined by acme/1.toml");
+        assert_eq!(
+            problems[0].1.what,
+            "`acme-1` is already defined by acme/1.toml"
+        );
     }
 
     #[test]
@@ -202,16 +295,28 @@ mod tests {
         let other = MODEL.replacen("Acme", "Acme Drives", 1);
         assert_ne!(digest(MODEL), digest(&other));
         let like = |text: &str| {
-            let own = [("own.toml", "like = \"acme-1\"\nid = \"acme-2\"\ntitle = \"Two\"\n")];
-            built_in(text).with_texts(own).map(|it| it.find("acme-2").unwrap().digest)
+            let own = [(
+                "own.toml",
+                "like = \"acme-1\"\nid = \"acme-2\"\ntitle = \"Two\"\n",
+            )];
+            built_in(text)
+                .with_texts(own)
+                .map(|it| it.find("acme-2").unwrap().digest)
         };
-        assert_ne!(like(MODEL).unwrap(), like(&other).unwrap(), "a change of the other file is one of this model");
+        assert_ne!(
+            like(MODEL).unwrap(),
+            like(&other).unwrap(),
+            "a change of the other file is one of this model"
+        );
     }
 
     #[test]
     fn problems_of_all_texts_are_reported_with_their_files() {
         let problems = Catalog::from_texts([("a", "x ="), ("b", MODEL), ("c", MODEL)]).unwrap_err();
-        let told: Vec<_> = problems.iter().map(|(file, problem)| (file.as_str(), problem.key.as_str())).collect();
+        let told: Vec<_> = problems
+            .iter()
+            .map(|(file, problem)| (file.as_str(), problem.key.as_str()))
+            .collect();
         assert_eq!(told, [("a", ""), ("c", "id")]);
     }
 
@@ -220,12 +325,26 @@ mod tests {
         let built_in = Catalog::from_texts([("built-in/acme.toml", MODEL)]).unwrap();
         let text = |id: &str| MODEL.replacen("acme-1", id, 1);
         let own = |ids: [&str; 2]| ids.map(|id| (format!("own/{id}.toml"), text(id)));
-        let joined = built_in.clone().with_texts(own(["acme-2", "acme-3"])).unwrap();
-        assert_eq!(joined.ids().collect::<Vec<_>>(), ["acme-1", "acme-2", "acme-3"]);
+        let joined = built_in
+            .clone()
+            .with_texts(own(["acme-2", "acme-3"]))
+            .unwrap();
+        assert_eq!(
+            joined.ids().collect::<Vec<_>>(),
+            ["acme-1", "acme-2", "acme-3"]
+        );
 
         let problems = built_in.with_texts(own(["acme-2", "acme-1"])).unwrap_err();
-        let [(file, problem)] = &problems[..] else { panic!("{problems:?}") };
-        assert_eq!((file.as_str(), problem.place_in(MODEL)), ("own/acme-1.toml", (1, 6)));
-        assert_eq!(problem.what, "`acme-1` is already defined by built-in/acme.toml");
+        let [(file, problem)] = &problems[..] else {
+            panic!("{problems:?}")
+        };
+        assert_eq!(
+            (file.as_str(), problem.place_in(MODEL)),
+            ("own/acme-1.toml", (1, 6))
+        );
+        assert_eq!(
+            problem.what,
+            "`acme-1` is already defined by built-in/acme.toml"
+        );
     }
 }

@@ -20,13 +20,19 @@ impl Scaled {
     /// The same number with as many decimals, at most nine.
     #[must_use]
     pub(super) fn of_decimal(decimal: Decimal) -> Self {
-        Self { raw: decimal.steps, scale: 10_u32.saturating_pow(decimal.digits.min(9).into()) }
+        Self {
+            raw: decimal.steps,
+            scale: 10_u32.saturating_pow(decimal.digits.min(9).into()),
+        }
     }
 
     /// The value that `word` represents in `register`, which has one word and needs no other.
     #[must_use]
     pub fn from_word(word: u16, register: &Register) -> Self {
-        Self { raw: register.number_in(word), scale: register.scale }
+        Self {
+            raw: register.number_in(word),
+            scale: register.scale,
+        }
     }
 
     /// Numerator and denominator.
@@ -88,7 +94,10 @@ impl Decimal {
         let denominator = i128::from(denominator);
         let away = (numerator.abs() * 2 + denominator) / (denominator * 2);
         let steps = numerator.signum() * away.max(numerator.abs().min(1));
-        Self { steps: i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX }), digits }
+        Self {
+            steps: i64::try_from(steps).unwrap_or(if steps < 0 { i64::MIN } else { i64::MAX }),
+            digits,
+        }
     }
 
     /// The number, as the nearest `f64`.
@@ -111,7 +120,13 @@ impl fmt::Display for Decimal {
         let one = 10_u64.saturating_pow(self.digits.into());
         match self.digits {
             0 => write!(f, "{sign}{size}"),
-            digits => write!(f, "{sign}{}.{:0width$}", size / one, size % one, width = digits.into()),
+            digits => write!(
+                f,
+                "{sign}{}.{:0width$}",
+                size / one,
+                size % one,
+                width = digits.into()
+            ),
         }
     }
 }
@@ -125,14 +140,24 @@ const NOISE_STEPS: f64 = 1e-6;
 pub fn digits_of(scale: u32) -> u8 {
     const MOST: u8 = 4;
     let digits = scale.checked_ilog10().unwrap_or(0);
-    if 10_u32.pow(digits) == scale { u8::try_from(digits).unwrap_or(MOST) } else { MOST }
+    if 10_u32.pow(digits) == scale {
+        u8::try_from(digits).unwrap_or(MOST)
+    } else {
+        MOST
+    }
 }
 
 /// The step of the setpoint of drives of `model`, in hertz; `None` where that is no decimal fraction, or there is none.
 #[must_use]
 pub fn setpoint_step(model: &Model) -> Option<Decimal> {
-    let register = model.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
-    Some(Decimal::nearest(1, register.scale.into(), digits_of(register.scale)))
+    let register = model
+        .register_for(Role::FrequencyCommand)
+        .filter(|register| register.is_exact())?;
+    Some(Decimal::nearest(
+        1,
+        register.scale.into(),
+        digits_of(register.scale),
+    ))
 }
 
 /// Why a value has no raw word.
@@ -172,13 +197,21 @@ pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
 /// # Errors
 /// The words cannot hold the value.
 pub fn to_both(value: f64, register: &Register) -> Result<u32, NoWord> {
-    let ends = if register.signed { (i32::MIN.into(), i32::MAX.into()) } else { (0, u32::MAX.into()) };
+    let ends = if register.signed {
+        (i32::MIN.into(), i32::MAX.into())
+    } else {
+        (0, u32::MAX.into())
+    };
     steps_within(value, register.scale, ends).map(|raw| (raw & 0xFFFF_FFFF) as u32)
 }
 
 /// Like [`to_raw`], but returns the number before encoding and needs no [`Register`].
 pub(super) fn steps(value: f64, scale: u32, signed: bool) -> Result<i32, NoWord> {
-    let ends = if signed { (i16::MIN.into(), i16::MAX.into()) } else { (0, u16::MAX.into()) };
+    let ends = if signed {
+        (i16::MIN.into(), i16::MAX.into())
+    } else {
+        (0, u16::MAX.into())
+    };
     steps_within(value, scale, ends).map(|raw| raw as i32)
 }
 
@@ -189,7 +222,10 @@ fn steps_within(value: f64, scale: u32, (least, most): (i64, i64)) -> Result<i64
     let steps = value * f64::from(scale);
     let raw = steps.round() as i64;
     if !(least..=most).contains(&raw) {
-        return Err(NoWord::OutOfRange { least: Scaled { raw: least, scale }, most: Scaled { raw: most, scale } });
+        return Err(NoWord::OutOfRange {
+            least: Scaled { raw: least, scale },
+            most: Scaled { raw: most, scale },
+        });
     }
     // Programs count in binary fractions.
     if (steps - raw as f64).abs() > NOISE_STEPS {
@@ -224,7 +260,10 @@ mod tests {
             (3, 4, false, "0.75"),
         ];
         for (word, scale, signed, text) in table {
-            assert_eq!(Scaled::from_word(word, &register(scale, signed)).to_string(), text);
+            assert_eq!(
+                Scaled::from_word(word, &register(scale, signed)).to_string(),
+                text
+            );
         }
     }
 
@@ -248,7 +287,10 @@ mod tests {
             let decimal = Decimal::nearest(numerator, denominator, digits);
             assert_eq!(decimal.to_string(), text);
             let shown: f64 = text.parse().unwrap();
-            assert!((decimal.value() - shown).abs() <= shown.abs() * f64::EPSILON, "{text}");
+            assert!(
+                (decimal.value() - shown).abs() <= shown.abs() * f64::EPSILON,
+                "{text}"
+            );
         }
         assert_eq!([1, 10, 100, 1000, 4, 7].map(digits_of), [0, 1, 2, 3, 4, 4]);
     }
@@ -260,14 +302,23 @@ mod tests {
             for word in 0..=u16::MAX {
                 let scaled = Scaled::from_word(word, &register);
                 let decimal = scaled.to_digits(digits_of(scale));
-                assert_eq!((decimal.to_string(), decimal.value()), (scaled.to_string(), scaled.value()));
+                assert_eq!(
+                    (decimal.to_string(), decimal.value()),
+                    (scaled.to_string(), scaled.value())
+                );
             }
         }
     }
 
     #[test]
     fn every_word_comes_back_from_its_own_text() {
-        for (scale, signed) in [(1, false), (10, true), (100, false), (1000, true), (7, false)] {
+        for (scale, signed) in [
+            (1, false),
+            (10, true),
+            (100, false),
+            (1000, true),
+            (7, false),
+        ] {
             let register = register(scale, signed);
             for word in 0..=u16::MAX {
                 let text = Scaled::from_word(word, &register).to_string();
@@ -281,10 +332,22 @@ mod tests {
         let hertz = register(100, false);
         assert_eq!(to_raw(f64::NAN, &hertz), Err(NoWord::NotANumber));
         assert_eq!(to_raw(f64::INFINITY, &hertz), Err(NoWord::NotANumber));
-        assert_eq!(to_raw(50.005, &hertz), Err(NoWord::BetweenSteps { scale: 100 }));
-        assert_eq!(to_raw(655.36, &hertz).unwrap_err().to_string(), "outside 0.00 to 655.35");
-        assert_eq!(to_raw(-0.01, &hertz).unwrap_err().to_string(), "outside 0.00 to 655.35");
-        assert_eq!(to_raw(3276.8, &register(10, true)).unwrap_err().to_string(), "outside -3276.8 to 3276.7");
+        assert_eq!(
+            to_raw(50.005, &hertz),
+            Err(NoWord::BetweenSteps { scale: 100 })
+        );
+        assert_eq!(
+            to_raw(655.36, &hertz).unwrap_err().to_string(),
+            "outside 0.00 to 655.35"
+        );
+        assert_eq!(
+            to_raw(-0.01, &hertz).unwrap_err().to_string(),
+            "outside 0.00 to 655.35"
+        );
+        assert_eq!(
+            to_raw(3276.8, &register(10, true)).unwrap_err().to_string(),
+            "outside -3276.8 to 3276.7"
+        );
         assert_eq!(to_raw(-0.0, &hertz), Ok(0));
     }
 }

@@ -65,7 +65,9 @@ source = "IM 4"
 
 /// [`MODEL`] without its register.
 pub fn head() -> &'static str {
-    MODEL.split_once("[[register]]").map_or(MODEL, |(head, _)| head)
+    MODEL
+        .split_once("[[register]]")
+        .map_or(MODEL, |(head, _)| head)
 }
 
 /// One entry per problem: position, key, what is wrong, what would be right.
@@ -73,7 +75,10 @@ pub(super) fn told(problems: &[Problem], text: &str) -> String {
     let lines = problems.iter().map(|problem| {
         let (line, column) = problem.place_in(text);
         let right = problem.right.as_deref().unwrap_or("-");
-        format!("{line}:{column} {}: {}\n    right: {right}\n", problem.key, problem.what)
+        format!(
+            "{line}:{column} {}: {}\n    right: {right}\n",
+            problem.key, problem.what
+        )
     });
     lines.collect()
 }
@@ -118,7 +123,11 @@ pub(super) fn each_is_told_of(model: &str, changes: &[(&str, &str, &str)]) {
     for (from, to, expected) in changes {
         let found = told_with(model, from, to).replace("\n    right: ", " -> ");
         let without_place = |line: &str| line.split_once(' ').unwrap().1.to_owned();
-        let found = found.lines().map(without_place).collect::<Vec<_>>().join("\n");
+        let found = found
+            .lines()
+            .map(without_place)
+            .collect::<Vec<_>>()
+            .join("\n");
         assert_eq!(found, *expected, "{from} -> {to}");
     }
 }

@@ -21,24 +21,46 @@ impl Ratio {
     /// `None` without a denominator above 0.
     #[must_use]
     pub const fn new(numerator: i128, denominator: i128) -> Option<Self> {
-        if denominator > 0 { Some(Self { numerator, denominator }) } else { None }
+        if denominator > 0 {
+            Some(Self {
+                numerator,
+                denominator,
+            })
+        } else {
+            None
+        }
     }
 
     const fn plus(self, other: Self) -> Option<Self> {
-        let Some(left) = self.numerator.checked_mul(other.denominator) else { return None };
-        let Some(right) = other.numerator.checked_mul(self.denominator) else { return None };
-        let Some(numerator) = left.checked_add(right) else { return None };
-        let Some(denominator) = self.denominator.checked_mul(other.denominator) else { return None };
+        let Some(left) = self.numerator.checked_mul(other.denominator) else {
+            return None;
+        };
+        let Some(right) = other.numerator.checked_mul(self.denominator) else {
+            return None;
+        };
+        let Some(numerator) = left.checked_add(right) else {
+            return None;
+        };
+        let Some(denominator) = self.denominator.checked_mul(other.denominator) else {
+            return None;
+        };
         Self::new(numerator, denominator)
     }
 
     const fn minus(self, other: Self) -> Option<Self> {
-        self.plus(Self { numerator: -other.numerator, denominator: other.denominator })
+        self.plus(Self {
+            numerator: -other.numerator,
+            denominator: other.denominator,
+        })
     }
 
     const fn times(self, other: Self) -> Option<Self> {
-        let Some(numerator) = self.numerator.checked_mul(other.numerator) else { return None };
-        let Some(denominator) = self.denominator.checked_mul(other.denominator) else { return None };
+        let Some(numerator) = self.numerator.checked_mul(other.numerator) else {
+            return None;
+        };
+        let Some(denominator) = self.denominator.checked_mul(other.denominator) else {
+            return None;
+        };
         Self::new(numerator, denominator)
     }
 
@@ -47,11 +69,17 @@ impl Ratio {
         if other.numerator <= 0 {
             return None;
         }
-        self.times(Self { numerator: other.denominator, denominator: other.numerator })
+        self.times(Self {
+            numerator: other.denominator,
+            denominator: other.numerator,
+        })
     }
 
     fn of_hertz(hertz: Hertz) -> Self {
-        Self { numerator: hertz.millihertz().into(), denominator: 1000 }
+        Self {
+            numerator: hertz.millihertz().into(),
+            denominator: 1000,
+        }
     }
 
     fn floor(self) -> Option<i64> {
@@ -63,7 +91,10 @@ impl Ratio {
     }
 
     fn nearest(self) -> Option<i64> {
-        let twice = self.numerator.checked_mul(2)?.checked_add(self.denominator)?;
+        let twice = self
+            .numerator
+            .checked_mul(2)?
+            .checked_add(self.denominator)?;
         i64::try_from(twice.div_euclid(self.denominator.checked_mul(2)?)).ok()
     }
 
@@ -73,17 +104,30 @@ impl Ratio {
 
     /// Rounded to decimals; a value other than 0 is never shown as 0.
     fn to_digits(self, digits: u8) -> Option<Decimal> {
-        let common = gcd(self.numerator.unsigned_abs(), self.denominator.unsigned_abs());
+        let common = gcd(
+            self.numerator.unsigned_abs(),
+            self.denominator.unsigned_abs(),
+        );
         let common = i128::try_from(common).ok()?.max(1);
         let numerator = i64::try_from(self.numerator / common).ok()?;
-        Some(Decimal::nearest(numerator, i64::try_from(self.denominator / common).ok()?, digits))
+        Some(Decimal::nearest(
+            numerator,
+            i64::try_from(self.denominator / common).ok()?,
+            digits,
+        ))
     }
 
     /// The frequency, to the nearest thousandth; `None` below 0.
     fn to_hertz(self) -> Option<Hertz> {
-        let twice = self.numerator.checked_mul(2000)?.checked_add(self.denominator)?;
+        let twice = self
+            .numerator
+            .checked_mul(2000)?
+            .checked_add(self.denominator)?;
         let milli = twice.checked_div(self.denominator.checked_mul(2)?)?;
-        u32::try_from(milli).ok().filter(|_| self.numerator >= 0).map(Hertz::from_millihertz)
+        u32::try_from(milli)
+            .ok()
+            .filter(|_| self.numerator >= 0)
+            .map(Hertz::from_millihertz)
     }
 }
 
@@ -94,7 +138,9 @@ const fn gcd(a: u128, b: u128) -> u128 {
 /// The bits of `word` under `mask`, shifted down.
 #[must_use]
 pub fn code_under(word: u16, mask: u16) -> u16 {
-    (word & mask).checked_shr(mask.trailing_zeros()).unwrap_or(0)
+    (word & mask)
+        .checked_shr(mask.trailing_zeros())
+        .unwrap_or(0)
 }
 
 /// The same as a number: in two's complement if `signed`.
@@ -103,12 +149,18 @@ pub fn field(word: u16, mask: u16, signed: bool) -> i64 {
     let bits = mask.count_ones();
     let number = i64::from(code_under(word, mask));
     let is_negative = signed && bits > 0 && number >> (bits - 1) & 1 == 1;
-    if is_negative { number - (1 << bits) } else { number }
+    if is_negative {
+        number - (1 << bits)
+    } else {
+        number
+    }
 }
 
 /// The codes of the bits that are set in `bits`, the lowest first: the number of each bit + 1.
 pub fn codes_of_bits(bits: u32) -> impl Iterator<Item = u16> {
-    (0..32_u16).filter(move |bit| bits >> bit & 1 == 1).map(|bit| bit + 1)
+    (0..32_u16)
+        .filter(move |bit| bits >> bit & 1 == 1)
+        .map(|bit| bit + 1)
 }
 
 impl Register {
@@ -116,10 +168,16 @@ impl Register {
     #[must_use]
     pub fn number(&self, word: impl Fn(Address) -> Option<u16>) -> Option<i64> {
         let first = word(self.address)?;
-        let Some(order) = self.form.pair else { return Some(self.number_in(first)) };
+        let Some(order) = self.form.pair else {
+            return Some(self.number_in(first));
+        };
         let second = word(self.address.checked_add(1)?)?;
         let number = order.number([first, second]);
-        Some(if self.signed { number.cast_signed().into() } else { number.into() })
+        Some(if self.signed {
+            number.cast_signed().into()
+        } else {
+            number.into()
+        })
     }
 
     /// The number that `word` holds in a register of one word.
@@ -153,15 +211,26 @@ impl Register {
             return Some(self.plain_value(word(self.address)?));
         }
         let number = self.number(&word)?.checked_mul(self.power(&word)?)?;
-        let number = if self.form.sign_is_direction { number.abs() } else { number };
-        if self.form.per == 1 && self.form.full_scale.is_none() && self.form.scale_by.is_none() && !self.has_parts() {
+        let number = if self.form.sign_is_direction {
+            number.abs()
+        } else {
+            number
+        };
+        if self.form.per == 1
+            && self.form.full_scale.is_none()
+            && self.form.scale_by.is_none()
+            && !self.has_parts()
+        {
             return Some(Scaled::new(number, self.scale));
         }
         let steps = match &self.form.scale_by {
             None => self.scale,
             Some(by) => {
                 let seen = field(word(by.address)?, by.mask, false);
-                by.steps.iter().find(|(code, _)| i64::from(*code) == seen)?.1
+                by.steps
+                    .iter()
+                    .find(|(code, _)| i64::from(*code) == seen)?
+                    .1
             }
         };
         let mut value = match &self.form.full_scale {
@@ -178,7 +247,14 @@ impl Register {
     #[must_use]
     pub fn plain_value(&self, word: u16) -> Scaled {
         let number = self.number_in(word);
-        Scaled::new(if self.form.sign_is_direction { number.abs() } else { number }, self.scale)
+        Scaled::new(
+            if self.form.sign_is_direction {
+                number.abs()
+            } else {
+                number
+            },
+            self.scale,
+        )
     }
 
     /// Whether each frequency that it can hold is a whole number of its steps, so that none is ever rounded.
@@ -211,7 +287,9 @@ impl Register {
         known: impl Fn(Address) -> Option<u16>,
     ) -> Option<u16> {
         if self.is_exact() {
-            return frequency.to_word(self.scale).filter(|word| !self.signed || i16::try_from(*word).is_ok());
+            return frequency
+                .to_word(self.scale)
+                .filter(|word| !self.signed || i16::try_from(*word).is_ok());
         }
         let (least, most) = (Ratio::of_hertz(limits.0), Ratio::of_hertz(limits.1));
         let wanted = Ratio::of_hertz(frequency);
@@ -224,7 +302,9 @@ impl Register {
         };
         let nearest = number.nearest()?;
         let candidates = [nearest, number.floor()?, number.floor()?.checked_add(1)?];
-        let inside = candidates.into_iter().find(|number| is_inside(*number) == Some(true))?;
+        let inside = candidates
+            .into_iter()
+            .find(|number| is_inside(*number) == Some(true))?;
         self.holds(inside)
     }
 
@@ -233,46 +313,83 @@ impl Register {
     #[must_use]
     pub fn pair_of(&self, frequency: Hertz) -> Option<[u16; 2]> {
         let order = self.form.pair.filter(|_| self.is_exact())?;
-        let number = frequency.to_steps(self.scale).filter(|number| !self.signed || number.cast_signed() >= 0)?;
+        let number = frequency
+            .to_steps(self.scale)
+            .filter(|number| !self.signed || number.cast_signed() >= 0)?;
         Some(order.words(number))
     }
 
     /// The lowest and the highest word that mean a frequency within `limits`; `None` if there is none, or the full scale is
     /// not known.
     #[must_use]
-    pub fn words_within(&self, limits: (Hertz, Hertz), known: impl Fn(Address) -> Option<u16>) -> Option<(u16, u16)> {
-        let most_number = if self.signed { i64::from(i16::MAX) } else { i64::from(u16::MAX) };
-        let least = self.number_of(Ratio::of_hertz(limits.0), &known)?.ceiling()?.max(0);
-        let most = self.number_of(Ratio::of_hertz(limits.1), &known)?.floor()?.min(most_number);
+    pub fn words_within(
+        &self,
+        limits: (Hertz, Hertz),
+        known: impl Fn(Address) -> Option<u16>,
+    ) -> Option<(u16, u16)> {
+        let most_number = if self.signed {
+            i64::from(i16::MAX)
+        } else {
+            i64::from(u16::MAX)
+        };
+        let least = self
+            .number_of(Ratio::of_hertz(limits.0), &known)?
+            .ceiling()?
+            .max(0);
+        let most = self
+            .number_of(Ratio::of_hertz(limits.1), &known)?
+            .floor()?
+            .min(most_number);
         Some((u16::try_from(least).ok()?, u16::try_from(most).ok()?))
     }
 
     /// The words next to the exact place of what `word` means in `other`: where a drive shows a setting that it was given
     /// with other steps.
     #[must_use]
-    pub fn words_like(&self, other: &Self, word: u16, known: impl Fn(Address) -> Option<u16>) -> Vec<u16> {
+    pub fn words_like(
+        &self,
+        other: &Self,
+        word: u16,
+        known: impl Fn(Address) -> Option<u16>,
+    ) -> Vec<u16> {
         let exact = other.exact(other.number_in(word), &known);
         let number = exact.and_then(|exact| self.number_of(exact, &known));
         let floor = number.and_then(Ratio::floor);
         let ceiling = number.and_then(Ratio::ceiling);
-        let mut words: Vec<u16> =
-            [floor, ceiling].into_iter().flatten().filter_map(|it| u16::try_from(it).ok()).collect();
+        let mut words: Vec<u16> = [floor, ceiling]
+            .into_iter()
+            .flatten()
+            .filter_map(|it| u16::try_from(it).ok())
+            .collect();
         words.dedup();
         words
     }
 
     /// `number` as a word, if this register can hold it: at most the whole of a full scale.
     fn holds(&self, number: i64) -> Option<u16> {
-        let whole = self.form.full_scale.as_ref().map_or(i64::from(u16::MAX), |scale| scale.steps.into());
-        let most = if self.signed { i64::from(i16::MAX) } else { i64::from(u16::MAX) };
-        u16::try_from(number).ok().filter(|word| i64::from(*word) <= most.min(whole))
+        let whole = self
+            .form
+            .full_scale
+            .as_ref()
+            .map_or(i64::from(u16::MAX), |scale| scale.steps.into());
+        let most = if self.signed {
+            i64::from(i16::MAX)
+        } else {
+            i64::from(u16::MAX)
+        };
+        u16::try_from(number)
+            .ok()
+            .filter(|word| i64::from(*word) <= most.min(whole))
     }
 
     /// The exact value of `number`.
     fn exact(&self, number: i64, known: impl Fn(Address) -> Option<u16>) -> Option<Ratio> {
         match &self.form.full_scale {
             Some(scale) => scale.value_of(number, known),
-            None => Ratio::new(i128::from(number) * i128::from(self.form.per), self.scale.into()),
+            None => Ratio::new(
+                i128::from(number) * i128::from(self.form.per),
+                self.scale.into(),
+            ),
         }
     }
 
@@ -281,7 +398,10 @@ impl Register {
         match &self.form.full_scale {
             Some(scale) => {
                 let (from, span) = scale.span(known)?;
-                value.minus(from)?.over(span)?.times(Ratio::new(scale.steps.into(), 1)?)
+                value
+                    .minus(from)?
+                    .over(span)?
+                    .times(Ratio::new(scale.steps.into(), 1)?)
             }
             None => value.times(Ratio::new(self.scale.into(), self.form.per.into())?),
         }
@@ -300,10 +420,19 @@ impl Register {
             return FRACTION_DIGITS;
         }
         let own = match &self.form.scale_by {
-            Some(by) => by.steps.iter().map(|(_, steps)| digits_of(*steps)).max().unwrap_or(0),
+            Some(by) => by
+                .steps
+                .iter()
+                .map(|(_, steps)| digits_of(*steps))
+                .max()
+                .unwrap_or(0),
             None => of_ratio(self.scale, self.form.per),
         };
-        self.form.plus.iter().map(|part| of_ratio(part.scale, part.per)).fold(own, u8::max)
+        self.form
+            .plus
+            .iter()
+            .map(|part| of_ratio(part.scale, part.per))
+            .fold(own, u8::max)
     }
 
     fn has_parts(&self) -> bool {
@@ -315,7 +444,9 @@ impl Register {
         if self.form.exponent_mask == 0 {
             return Some(1);
         }
-        10_i64.checked_pow(u32::try_from(field(word(self.address)?, self.form.exponent_mask, false)).ok()?)
+        10_i64.checked_pow(
+            u32::try_from(field(word(self.address)?, self.form.exponent_mask, false)).ok()?,
+        )
     }
 }
 
@@ -327,7 +458,10 @@ impl Addend {
 
 impl Basis {
     fn value(&self, word: u16) -> Option<Ratio> {
-        Ratio::new(i128::from(field(word, self.mask, self.signed)) * i128::from(self.per), self.scale.into())
+        Ratio::new(
+            i128::from(field(word, self.mask, self.signed)) * i128::from(self.per),
+            self.scale.into(),
+        )
     }
 }
 

@@ -1,8 +1,8 @@
 //! The words of a model file for enumerations: one table each, for reading and printing.
 
 use super::model::{
-    Access, BitMeaning, Boundary, Confidence, DocumentKind, ExceptionKind, FactPart, Flag, Holes, Memory, NeededFor,
-    PollClass, RefusedWrite, Role, WordOrder, ZeroWord,
+    Access, BitMeaning, Boundary, Confidence, DocumentKind, ExceptionKind, FactPart, Flag, Holes,
+    Memory, NeededFor, PollClass, RefusedWrite, Role, WordOrder, ZeroWord,
 };
 use crate::domain::address::Table;
 
@@ -12,8 +12,11 @@ macro_rules! own_words {
 }
 
 /// Access to a register.
-pub const ACCESSES: [(&str, Access); 3] =
-    [("read", Access::Read), ("write", Access::Write), ("read-write", Access::ReadWrite)];
+pub const ACCESSES: [(&str, Access); 3] = [
+    ("read", Access::Read),
+    ("write", Access::Write),
+    ("read-write", Access::ReadWrite),
+];
 
 /// The tables of the Modbus data model.
 pub const TABLES: [(&str, Table); 4] = own_words!(Table: Holding, Input, Coil, Discrete);
@@ -31,7 +34,8 @@ pub const POLL_CLASSES: [(&str, PollClass); 5] = [
 pub const MEMORIES: [(&str, Memory); 2] = own_words!(Memory: Ram, Stored);
 
 /// Properties of a register that its source may leave unstated.
-pub(super) const PARTS: [(&str, FactPart); 6] = own_words!(FactPart: Reading, Writing, Scale, Sign, Memory, Meaning);
+pub(super) const PARTS: [(&str, FactPart); 6] =
+    own_words!(FactPart: Reading, Writing, Scale, Sign, Memory, Meaning);
 
 /// States that a status register can indicate.
 pub const FLAGS: [(&str, Flag); 8] = [
@@ -81,8 +85,11 @@ pub(super) const EXCEPTION_KINDS: [(&str, ExceptionKind); 4] =
     own_words!(ExceptionKind: Busy, Locked, InTrip, DamagedFrame);
 
 /// What a drive does about a read of an address without a register.
-pub(super) const HOLES: [(&str, Holes); 3] =
-    [("refused", Holes::Refused), ("zero", Holes::Zero), ("read", Holes::Read)];
+pub(super) const HOLES: [(&str, Holes); 3] = [
+    ("refused", Holes::Refused),
+    ("zero", Holes::Zero),
+    ("read", Holes::Read),
+];
 
 /// Boundaries that no read may cross.
 pub(super) const BOUNDARIES: [(&str, Boundary); 1] = [("high-byte", Boundary::HighByte)];
@@ -95,8 +102,11 @@ pub(super) const REFUSED_WRITES: [(&str, RefusedWrite); 3] = [
 ];
 
 /// The orders that a setting is needed for.
-pub(super) const NEEDED_FOR: [(&str, NeededFor); 3] =
-    [("run", NeededFor::Run), ("reverse", NeededFor::Reverse), ("setpoint", NeededFor::Setpoint)];
+pub(super) const NEEDED_FOR: [(&str, NeededFor); 3] = [
+    ("run", NeededFor::Run),
+    ("reverse", NeededFor::Reverse),
+    ("setpoint", NeededFor::Setpoint),
+];
 
 /// Orders of the words of a 32-bit value.
 pub(super) const WORD_ORDERS: [(&str, WordOrder); 2] = own_words!(WordOrder: HighFirst, LowFirst);
@@ -107,8 +117,7 @@ pub(super) const DOCUMENT_KINDS: [(&str, DocumentKind); 8] = own_words!(
 );
 
 /// Degrees of confidence.
-pub const CONFIDENCES: [(&str, Confidence); 7] =
-    own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
+pub const CONFIDENCES: [(&str, Confidence); 7] = own_words!(Confidence: Manual, SecondSource, ThirdParty, Sibling, Inferred, Default, Configured);
 
 /// Uses of a register by the gateway.
 pub const ROLES: [(&str, Role); 27] = [

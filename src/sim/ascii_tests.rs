@@ -10,7 +10,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// A character takes 1 ms, with 7 data bits as with 8.
-const LINK: LinkSettings = LinkSettings { baud: 10_000, data_bits: 7, parity: Parity::Even, stop_bits: 1 };
+const LINK: LinkSettings = LinkSettings {
+    baud: 10_000,
+    data_bits: 7,
+    parity: Parity::Even,
+    stop_bits: 1,
+};
 const D001: &[u8] = b":010301010001F9\r\n";
 const STANDSTILL: &[u8] = b":0103020000FA\r\n";
 
@@ -19,7 +24,14 @@ fn ms(millis: u64) -> MonoTime {
 }
 
 fn bus_with(model: Arc<Model>) -> SimBus {
-    let mut bus = SimBus::new(LINK, BusOptions { framing: Framing::Ascii, ..BusOptions::default() }, 0);
+    let mut bus = SimBus::new(
+        LINK,
+        BusOptions {
+            framing: Framing::Ascii,
+            ..BusOptions::default()
+        },
+        0,
+    );
     bus.connect(Station(1), SimDrive::new(model, DriveOptions::default()));
     bus
 }
@@ -56,7 +68,11 @@ fn what_makes_no_frame_is_ignored_and_counted() {
         assert!(taken(&mut bus, ms(5_000)).is_empty());
         bus.receive(ms(5_000), D001);
         assert_eq!(taken(&mut bus, ms(6_000)), STANDSTILL, "{damaged:?}");
-        assert_eq!((bus.report().bad_crc, bus.report().requests_heard), (bad, 1), "{damaged:?}");
+        assert_eq!(
+            (bus.report().bad_crc, bus.report().requests_heard),
+            (bad, 1),
+            "{damaged:?}"
+        );
     }
 }
 
@@ -75,7 +91,11 @@ fn a_colon_restarts_a_request_and_a_second_of_silence_ends_it() {
 #[test]
 fn the_silence_that_is_required_is_ten_milliseconds_or_what_a_model_needs() {
     let mut patient = Model::clone(&n700());
-    let pause = Fact { value: Duration::from_millis(20), confidence: Confidence::Manual, source: String::new() };
+    let pause = Fact {
+        value: Duration::from_millis(20),
+        confidence: Confidence::Manual,
+        source: String::new(),
+    };
     patient.quirks.pause_before_request = Some(pause);
     let patient = Arc::new(patient);
     for (model, silence) in [(n700(), 10), (Arc::clone(&patient), 20)] {
@@ -85,7 +105,10 @@ fn the_silence_that_is_required_is_ten_milliseconds_or_what_a_model_needs() {
             bus.receive(ms(0), D001);
             taken(&mut bus, ms(34));
             bus.receive(ms(34 + gap), D001);
-            assert_eq!((bus.report().gaps_too_short, bus.report().talked_over), (too_short, 0));
+            assert_eq!(
+                (bus.report().gaps_too_short, bus.report().talked_over),
+                (too_short, 0)
+            );
         }
     }
     let mut rtu = SimBus::new(LinkSettings::DEFAULT, BusOptions::default(), 0);

@@ -52,7 +52,9 @@ impl SimBus {
         Self {
             link,
             options,
-            silence: options.silence.unwrap_or_else(|| least_silence(options.framing, link)),
+            silence: options
+                .silence
+                .unwrap_or_else(|| least_silence(options.framing, link)),
             faults: Faults::new(options.faults, options.framing, link.data_bits, seed),
             nodes: Vec::new(),
             request: Incoming::new(options.framing),
@@ -77,7 +79,9 @@ impl SimBus {
     /// numbered from 1.
     pub fn connect(&mut self, station: Station, drive: SimDrive) {
         if self.options.silence.is_none() {
-            self.silence = self.silence.max(silence_for(drive.model(), self.options.framing, self.link));
+            self.silence =
+                self.silence
+                    .max(silence_for(drive.model(), self.options.framing, self.link));
         }
         self.nodes.retain(|node| node.station != station);
         self.transmissions.silence(MonoTime::ZERO, station);
@@ -93,17 +97,25 @@ impl SimBus {
     /// The drive at `station`.
     #[must_use]
     pub fn drive(&self, station: Station) -> Option<&SimDrive> {
-        self.nodes.iter().find(|node| node.station == station).map(|node| &node.drive)
+        self.nodes
+            .iter()
+            .find(|node| node.station == station)
+            .map(|node| &node.drive)
     }
 
     /// The drive at `station`, to trip it or to operate its panel.
     pub fn drive_mut(&mut self, station: Station) -> Option<&mut SimDrive> {
-        self.nodes.iter_mut().find(|node| node.station == station).map(|node| &mut node.drive)
+        self.nodes
+            .iter_mut()
+            .find(|node| node.station == station)
+            .map(|node| &mut node.drive)
     }
 
     /// Switches the drive at `station` on or off. When switched off, it stops transmitting after a whole character.
     pub fn set_powered(&mut self, at: MonoTime, station: Station, powered: bool) {
-        let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) else { return };
+        let Some(node) = self.nodes.iter_mut().find(|node| node.station == station) else {
+            return;
+        };
         node.drive.set_powered(at, powered);
         if !powered {
             node.busy_until = at;
@@ -141,7 +153,10 @@ impl SimBus {
     /// 65,535 exchanges.
     #[must_use]
     pub fn exchange(&self, station: Station) -> u64 {
-        self.nodes.iter().find(|node| node.station == station).map_or(0, |node| node.exchanges)
+        self.nodes
+            .iter()
+            .find(|node| node.station == station)
+            .map_or(0, |node| node.exchanges)
     }
 
     /// The reply of the addressed drive as a whole frame, before any fault; empty if the last bytes passed to
@@ -193,7 +208,11 @@ impl SimBus {
     /// from the end of its earlier bytes if those are still going out.
     pub fn receive(&mut self, at: MonoTime, bytes: &[u8]) {
         self.newest_reply.clear();
-        let start = if self.transmissions.is_paced() { at.max(self.master_end) } else { at };
+        let start = if self.transmissions.is_paced() {
+            at.max(self.master_end)
+        } else {
+            at
+        };
         self.end_request_by_silence(start);
         for (n, byte) in bytes.iter().enumerate() {
             if self.request.begins_with(*byte) {
@@ -214,7 +233,10 @@ impl SimBus {
     #[must_use]
     pub fn next_due(&self) -> Option<MonoTime> {
         let silence = (!self.request.is_empty()).then(|| self.request_end());
-        [silence, self.transmissions.next_due()].into_iter().flatten().min()
+        [silence, self.transmissions.next_due()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Takes the bytes that the drives have put on the wire until `at`, in order. On a paced bus `sink` gets each byte
@@ -232,7 +254,11 @@ impl SimBus {
         let on_wire = self.transmissions.is_on_wire(start);
         self.report.talked_over += u64::from(on_wire || self.transmissions.is_awaited(start));
         if let Some(quiet_since) = self.quiet_since.max(self.transmissions.last_end(start)) {
-            let gap = if on_wire { Duration::ZERO } else { start.since(quiet_since) };
+            let gap = if on_wire {
+                Duration::ZERO
+            } else {
+                start.since(quiet_since)
+            };
             self.report.count_gap(gap, self.silence);
         }
     }
@@ -259,7 +285,9 @@ impl SimBus {
     fn end_request(&mut self, end: MonoTime) {
         let request = self.request.take();
         match framing::decode(self.options.framing, &request) {
-            Some((station, pdu)) if request.len() <= framing::max_adu_bytes(self.options.framing) => {
+            Some((station, pdu))
+                if request.len() <= framing::max_adu_bytes(self.options.framing) =>
+            {
                 self.report.requests_heard += 1;
                 self.deliver(end, Station(station), &pdu, &request);
             }
@@ -301,11 +329,15 @@ impl SimBus {
             return self.transmissions.recycle(frame);
         }
         let transaction = framing::transaction_of(self.options.framing, request);
-        transaction.into_iter().for_each(|id| framing::set_transaction(self.options.framing, &mut frame, id));
+        transaction
+            .into_iter()
+            .for_each(|id| framing::set_transaction(self.options.framing, &mut frame, id));
         self.newest_reply.extend_from_slice(&frame);
         let transmissions = &self.transmissions;
         let turnaround = self.options.turnaround;
-        let burst = self.faults.burst(request, &frame, turnaround, |bytes| transmissions.time(bytes));
+        let burst = self.faults.burst(request, &frame, turnaround, |bytes| {
+            transmissions.time(bytes)
+        });
         if let Some((after, bytes)) = burst {
             self.burst(end + after, &bytes);
         }
@@ -321,8 +353,13 @@ impl SimBus {
     /// delivered late.
     fn schedule(&mut self, place: usize, end: MonoTime, fate: Fate, frame: Vec<u8>, hole: usize) {
         let length = self.transmissions.time(frame.len());
-        let has_turnaround = self.transmissions.is_paced() || !self.options.framing.has_characters();
-        let right_time = if has_turnaround { end + self.options.turnaround } else { end };
+        let has_turnaround =
+            self.transmissions.is_paced() || !self.options.framing.has_characters();
+        let right_time = if has_turnaround {
+            end + self.options.turnaround
+        } else {
+            end
+        };
         let wanted = match fate {
             Fate::Late => end + self.faults.late_start(length),
             Fate::Beyond => end + self.faults.beyond_start(),
@@ -336,10 +373,13 @@ impl SimBus {
         self.report.replies_sent += 1;
         self.report.replies_late += u64::from(is_late);
         let station = node.station;
-        self.report.collisions += self.transmissions.add(station, start, start <= right_time, frame, hole);
+        self.report.collisions +=
+            self.transmissions
+                .add(station, start, start <= right_time, frame, hole);
         if let Some((behind, frame)) = twin.filter(|_| !self.transmissions.is_full()) {
             self.report.collisions +=
-                self.transmissions.add(station, start + length + behind, false, frame, usize::MAX);
+                self.transmissions
+                    .add(station, start + length + behind, false, frame, usize::MAX);
         }
     }
 }
@@ -354,7 +394,14 @@ mod tests {
     const STANDSTILL: [u8; 7] = [0x01, 0x03, 0x02, 0x00, 0x00, 0xB8, 0x44];
 
     fn paced(plan: &str, seed: u64) -> SimBus {
-        bus(BusOptions { faults: plan.parse().unwrap(), ..BusOptions::default() }, seed, &[1, 2])
+        bus(
+            BusOptions {
+                faults: plan.parse().unwrap(),
+                ..BusOptions::default()
+            },
+            seed,
+            &[1, 2],
+        )
     }
 
     fn ms(millis: u64) -> MonoTime {
@@ -375,15 +422,26 @@ mod tests {
         bus.receive(ms(1_000), &D001);
         // 8 characters of 10 bits at 9600 bit/s, 2 ms turnaround, then one character after the other.
         let start = 1_000_000_000 + 8_333_334 + 2_000_000;
-        let ends = [1_041_667, 2_083_334, 3_125_000, 4_166_667, 5_208_334, 6_250_000, 7_291_667];
+        let ends = [
+            1_041_667, 2_083_334, 3_125_000, 4_166_667, 5_208_334, 6_250_000, 7_291_667,
+        ];
         assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(start + ends[0])));
         assert!(taken(&mut bus, MonoTime::from_nanos(start + ends[0] - 1)).is_empty());
         let mut seen = Vec::new();
-        bus.take_due(ms(2_000), |at, bytes| seen.push((at.as_nanos() - start, bytes.to_vec())));
-        let expected: Vec<_> = ends.into_iter().zip(STANDSTILL).map(|(end, byte)| (end, vec![byte])).collect();
+        bus.take_due(ms(2_000), |at, bytes| {
+            seen.push((at.as_nanos() - start, bytes.to_vec()))
+        });
+        let expected: Vec<_> = ends
+            .into_iter()
+            .zip(STANDSTILL)
+            .map(|(end, byte)| (end, vec![byte]))
+            .collect();
         assert_eq!(seen, expected);
         assert_eq!(bus.next_due(), None);
-        assert_eq!((bus.report().requests_heard, bus.report().replies_sent), (1, 1));
+        assert_eq!(
+            (bus.report().requests_heard, bus.report().replies_sent),
+            (1, 1)
+        );
     }
 
     #[test]
@@ -411,7 +469,13 @@ mod tests {
         let reply_end = second + Duration::from_nanos(8_333_334 + 2_000_000 + 7_291_667);
         bus.receive(reply_end + Duration::from_nanos(4_687_499), &D001);
         let report = bus.report();
-        assert_eq!(report.gaps(), [Duration::from_nanos(4_687_500), Duration::from_nanos(4_687_499)]);
+        assert_eq!(
+            report.gaps(),
+            [
+                Duration::from_nanos(4_687_500),
+                Duration::from_nanos(4_687_499)
+            ]
+        );
         assert_eq!((report.gaps_too_short, report.talked_over), (1, 0));
         assert_eq!(report.shortest_gap, Some(Duration::from_nanos(4_687_499)));
     }
@@ -426,8 +490,14 @@ mod tests {
         let mut bus = paced("", 0);
         bus.receive(ms(0), &frame(9, 3, OUTPUT, 1));
         bus.receive(ms(1), &D001);
-        assert_eq!((bus.report().gaps(), bus.report().gaps_too_short), (&[Duration::ZERO][..], 1));
-        assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(2 * 8_333_334 + 2_000_000 + 1_041_667)));
+        assert_eq!(
+            (bus.report().gaps(), bus.report().gaps_too_short),
+            (&[Duration::ZERO][..], 1)
+        );
+        assert_eq!(
+            bus.next_due(),
+            Some(MonoTime::from_nanos(2 * 8_333_334 + 2_000_000 + 1_041_667))
+        );
     }
 
     #[test]
@@ -438,7 +508,10 @@ mod tests {
             bus.receive(ms(0), &D001);
             bus.receive(ms(at), &frame(2, 3, OUTPUT, 1));
             assert_eq!(bus.report().talked_over, talked_over, "{at} ms");
-            assert_eq!(bus.report().shortest_gap.is_some_and(|gap| gap.is_zero()), at == 12);
+            assert_eq!(
+                bus.report().shortest_gap.is_some_and(|gap| gap.is_zero()),
+                at == 12
+            );
         }
     }
 
@@ -456,7 +529,10 @@ mod tests {
         for station in stations {
             assert_eq!(bus.drive(station).unwrap().output(ms(30_000)), 60_000_000);
         }
-        assert_eq!((bus.report().requests_heard, bus.report().replies_sent), (4, 0));
+        assert_eq!(
+            (bus.report().requests_heard, bus.report().replies_sent),
+            (4, 0)
+        );
     }
 
     #[test]
@@ -465,7 +541,10 @@ mod tests {
         let mut damaged = D001;
         damaged[4] ^= 1;
         bus.receive(ms(0), &damaged);
-        assert_eq!(bus.next_due(), Some(MonoTime::from_nanos(8_333_334 + 4_687_500)));
+        assert_eq!(
+            bus.next_due(),
+            Some(MonoTime::from_nanos(8_333_334 + 4_687_500))
+        );
         bus.receive(ms(50), &D001);
         assert_eq!(taken(&mut bus, ms(100)), STANDSTILL);
         assert_eq!((bus.report().bad_crc, bus.report().requests_heard), (1, 1));
@@ -485,7 +564,9 @@ mod tests {
         assert!(bus.report().gaps().is_empty());
 
         let mut unknown_function = Vec::new();
-        rtu::encode(&mut unknown_function, 1, |pdu| pdu.extend([0x2B, 0x0E, 0x01, 0x00]));
+        rtu::encode(&mut unknown_function, 1, |pdu| {
+            pdu.extend([0x2B, 0x0E, 0x01, 0x00])
+        });
         bus.receive(ms(200), &unknown_function);
         assert!(taken(&mut bus, ms(300)).is_empty());
         assert_eq!((bus.report().bad_crc, bus.exchange(Station(1))), (0, 2));
@@ -519,7 +600,11 @@ mod tests {
             bus.receive(ms(109), &read);
             assert_eq!(bus.exchange(Station(1)), 2);
             let first_end = late_due + Duration::from_nanos(6_250_000);
-            assert_eq!(word_taken(&mut bus, first_end), 1, "never the newer one first");
+            assert_eq!(
+                word_taken(&mut bus, first_end),
+                1,
+                "never the newer one first"
+            );
             match bus.report().requests_ignored {
                 0 => {
                     assert_eq!(word_taken(&mut bus, ms(2_000)), 2);
@@ -530,7 +615,10 @@ mod tests {
                     ignored += 1;
                 }
             }
-            assert_eq!((bus.report().replies_late, bus.report().talked_over), (1, 0));
+            assert_eq!(
+                (bus.report().replies_late, bus.report().talked_over),
+                (1, 0)
+            );
         }
         assert!(ignored > 50 && queued > 50, "{ignored} {queued}");
     }
@@ -553,11 +641,19 @@ mod tests {
     #[test]
     fn faults_repeat_bit_for_bit() {
         let run = |seed| {
-            let mut bus = paced("noise=100,lost=50,late=50,cut=50,flip=50,foreign=50,lateness-ms=900", seed);
+            let mut bus = paced(
+                "noise=100,lost=50,late=50,cut=50,flip=50,foreign=50,lateness-ms=900",
+                seed,
+            );
             let mut seen = Vec::new();
             for n in 0..2_000 {
-                bus.receive(ms(n * 250), &frame(1 + (n % 2) as u8, 3, 0x3000, 1 + (n % 8) as u16));
-                bus.take_due(ms(n * 250 + 249), |at, bytes| seen.push((at, bytes.to_vec())));
+                bus.receive(
+                    ms(n * 250),
+                    &frame(1 + (n % 2) as u8, 3, 0x3000, 1 + (n % 8) as u16),
+                );
+                bus.take_due(ms(n * 250 + 249), |at, bytes| {
+                    seen.push((at, bytes.to_vec()))
+                });
             }
             seen
         };
@@ -571,7 +667,10 @@ mod tests {
         for n in 1..=70_000_u64 {
             bus.receive(MonoTime::from_micros(n), &frame(2, 3, 0x3FFF, 1));
             assert_eq!(bus.exchange(Station(2)), n);
-            assert_eq!(word_taken(&mut bus, MonoTime::from_micros(n)), (n & 0xFFFF) as u16);
+            assert_eq!(
+                word_taken(&mut bus, MonoTime::from_micros(n)),
+                (n & 0xFFFF) as u16
+            );
         }
         assert_eq!(bus.exchange(Station(1)), 0);
     }
@@ -582,7 +681,13 @@ mod tests {
         for n in 0..1_000 {
             bus.receive(ms(n), &D001);
         }
-        assert_eq!(taken(&mut bus, ms(1_000)).len(), Transmissions::MAX_WAITING * STANDSTILL.len());
-        assert_eq!(bus.report().replies_lost, 1_000 - Transmissions::MAX_WAITING as u64);
+        assert_eq!(
+            taken(&mut bus, ms(1_000)).len(),
+            Transmissions::MAX_WAITING * STANDSTILL.len()
+        );
+        assert_eq!(
+            bus.report().replies_lost,
+            1_000 - Transmissions::MAX_WAITING as u64
+        );
     }
 }

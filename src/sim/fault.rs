@@ -42,8 +42,20 @@ pub struct FaultPlan {
 }
 
 /// The names of a plan's parts in its text.
-const NAMES: [&str; 12] =
-    ["noise", "lost", "late", "cut", "flip", "foreign", "hole", "burst", "twin", "beyond", "timeout-ms", "lateness-ms"];
+const NAMES: [&str; 12] = [
+    "noise",
+    "lost",
+    "late",
+    "cut",
+    "flip",
+    "foreign",
+    "hole",
+    "burst",
+    "twin",
+    "beyond",
+    "timeout-ms",
+    "lateness-ms",
+];
 
 /// Delay of the second reply of a [`FaultPlan::twin`] after the first, in milliseconds.
 const TWIN_MS: std::ops::RangeInclusive<u64> = 15..=40;
@@ -103,8 +115,14 @@ impl FromStr for FaultPlan {
     /// An unknown name, a part without `=`, an invalid number or one that is too large.
     fn from_str(text: &str) -> Result<Self, PlanError> {
         let mut plan = Self::NONE;
-        for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
-            let (name, value) = part.split_once('=').ok_or_else(|| PlanError::NoValue(part.to_owned()))?;
+        for part in text
+            .split(',')
+            .map(str::trim)
+            .filter(|part| !part.is_empty())
+        {
+            let (name, value) = part
+                .split_once('=')
+                .ok_or_else(|| PlanError::NoValue(part.to_owned()))?;
             plan.set(name.trim(), value.trim())?;
         }
         Ok(plan)
@@ -139,7 +157,10 @@ pub enum PlanError {
 
 impl PlanError {
     fn unknown(name: &str) -> Self {
-        Self::Unknown { name: name.to_owned(), nearest: nearest(name, NAMES) }
+        Self::Unknown {
+            name: name.to_owned(),
+            nearest: nearest(name, NAMES),
+        }
     }
 }
 
@@ -210,13 +231,24 @@ impl Faults {
         if self.hits(self.plan.noise) {
             let noise = self.rng.usize(1..=8);
             let unused_bits = 8_usize.saturating_sub(self.data_bits);
-            reply.splice(0..0, std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise));
+            reply.splice(
+                0..0,
+                std::iter::repeat_with(|| self.rng.u8(..) >> unused_bits).take(noise),
+            );
         }
-        let hole = if self.hits(self.plan.hole) { self.rng.usize(1..reply.len().max(2)) } else { usize::MAX };
+        let hole = if self.hits(self.plan.hole) {
+            self.rng.usize(1..reply.len().max(2))
+        } else {
+            usize::MAX
+        };
         // A second frame that arrives as a whole after a hole is a late reply to an answered request: it cannot be
         // distinguished from the reply to the next one. In reality, a listener hears that something follows the first.
         let second = reply.len() - whole + first;
-        let hole = if hole == second && whole > first { hole + 1 } else { hole };
+        let hole = if hole == second && whole > first {
+            hole + 1
+        } else {
+            hole
+        };
         let fate = match (late, beyond) {
             (_, true) => Fate::Beyond,
             (true, false) => Fate::Late,
@@ -235,12 +267,17 @@ impl Faults {
         time: impl Fn(usize) -> Duration,
     ) -> Option<(Duration, Vec<u8>)> {
         let is_hit = self.hits(self.plan.burst);
-        let before = if self.plan.burst > 0 { std::mem::replace(&mut self.before, reply.to_vec()) } else { Vec::new() };
+        let before = if self.plan.burst > 0 {
+            std::mem::replace(&mut self.before, reply.to_vec())
+        } else {
+            Vec::new()
+        };
         if !is_hit {
             return None;
         }
         // A whole write equals its reply.
-        let is_read = framing::decode(self.framing, request).is_some_and(|(_, pdu)| pdu.first() == Some(&0x03));
+        let is_read = framing::decode(self.framing, request)
+            .is_some_and(|(_, pdu)| pdu.first() == Some(&0x03));
         let (whole, may_be_whole) = match self.rng.u8(0..4) {
             0 => (before.as_slice(), false),
             1 => (request, is_read),
@@ -255,11 +292,17 @@ impl Faults {
             // Right after the request, as an echo, or right before the reply.
             0 => Duration::from_micros(self.rng.u64(0..3_000)),
             1 => {
-                let room = (0..=bytes.len()).rev().find(|count| time(*count) <= right_time).unwrap_or_default();
+                let room = (0..=bytes.len())
+                    .rev()
+                    .find(|count| time(*count) <= right_time)
+                    .unwrap_or_default();
                 bytes.drain(..bytes.len() - room);
                 right_time - time(bytes.len())
             }
-            _ => Duration::from_nanos(self.rng.u64(0..u64::try_from(window.as_nanos()).unwrap_or(u64::MAX))),
+            _ => Duration::from_nanos(
+                self.rng
+                    .u64(0..u64::try_from(window.as_nanos()).unwrap_or(u64::MAX)),
+            ),
         };
         Some((after, bytes))
     }
@@ -284,13 +327,18 @@ impl Faults {
 
     /// Draws the delay of the second reply from two drives with the same number, if there are two.
     pub fn twin(&mut self) -> Option<Duration> {
-        self.hits(self.plan.twin).then(|| Duration::from_millis(self.rng.u64(TWIN_MS)))
+        self.hits(self.plan.twin)
+            .then(|| Duration::from_millis(self.rng.u64(TWIN_MS)))
     }
 
     /// Draws the start of a reply beyond the maximum lateness, from the end of its request.
     pub fn beyond_start(&mut self) -> Duration {
         let limit = self.plan.reply_timeout + self.plan.max_lateness;
-        limit + Duration::from_nanos(self.rng.u64(1_000_000..u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX)))
+        limit
+            + Duration::from_nanos(
+                self.rng
+                    .u64(1_000_000..u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX)),
+            )
     }
 
     /// Draws the start of a late reply, from the end of its request, so that a frame that takes `frame` still ends
@@ -329,7 +377,9 @@ impl Faults {
         } else if let Some((_, pdu)) = framing::decode(self.framing, &copy) {
             let station = other_station(&self.stations, self.rng.u8(1..=247));
             let mut foreign = Vec::with_capacity(copy.len());
-            framing::encode(self.framing, &mut foreign, station, |out| out.extend_from_slice(&pdu));
+            framing::encode(self.framing, &mut foreign, station, |out| {
+                out.extend_from_slice(&pdu)
+            });
             reply.splice(0..0, foreign);
         }
     }
@@ -338,13 +388,19 @@ impl Faults {
 /// `drawn`, or the next one that is not among `taken`. All are 1 to 247.
 fn other_station(taken: &[u8], drawn: u8) -> u8 {
     let all = (drawn..=247).chain(1..drawn);
-    all.into_iter().find(|station| !taken.contains(station)).unwrap_or(drawn)
+    all.into_iter()
+        .find(|station| !taken.contains(station))
+        .unwrap_or(drawn)
 }
 
 fn number(name: &str, value: &str, max: u16) -> Result<u16, PlanError> {
     match value.parse() {
         Ok(number) if number <= max => Ok(number),
-        _ => Err(PlanError::BadNumber { name: name.to_owned(), value: value.to_owned(), max }),
+        _ => Err(PlanError::BadNumber {
+            name: name.to_owned(),
+            value: value.to_owned(),
+            max,
+        }),
     }
 }
 
@@ -354,7 +410,9 @@ fn set_ms(span: &mut Duration, name: &str, value: &str) -> Result<(), PlanError>
 }
 
 fn hint(nearest: &Option<&'static str>) -> String {
-    nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
+    nearest
+        .map(|name| format!(" (did you mean \"{name}\"?)"))
+        .unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -380,8 +438,20 @@ mod tests {
     #[test]
     fn plans_are_read_from_text() {
         let plan: FaultPlan = "noise=5,lost=2, late=3 ,cut=1,flip=2".parse().unwrap();
-        assert_eq!(plan, FaultPlan { noise: 5, lost: 2, late: 3, cut: 1, flip: 2, ..FaultPlan::NONE });
-        let plan: FaultPlan = "foreign=1000,timeout-ms=100,lateness-ms=1500".parse().unwrap();
+        assert_eq!(
+            plan,
+            FaultPlan {
+                noise: 5,
+                lost: 2,
+                late: 3,
+                cut: 1,
+                flip: 2,
+                ..FaultPlan::NONE
+            }
+        );
+        let plan: FaultPlan = "foreign=1000,timeout-ms=100,lateness-ms=1500"
+            .parse()
+            .unwrap();
         assert_eq!(plan.foreign, 1000);
         assert_eq!(plan.reply_timeout, Duration::from_millis(100));
         assert_eq!(plan.max_lateness, Duration::from_millis(1500));
@@ -396,10 +466,19 @@ mod tests {
             "unknown fault \"nose\" (did you mean \"noise\"?); known faults: noise, lost, late, cut, flip, \
              foreign, hole, burst, twin, beyond, timeout-ms, lateness-ms"
         );
-        assert!(message("earthquake=1").starts_with("unknown fault \"earthquake\"; known faults: noise"));
+        assert!(
+            message("earthquake=1")
+                .starts_with("unknown fault \"earthquake\"; known faults: noise")
+        );
         assert!(message("noise").contains("noise=5"));
-        assert_eq!(message("lost=1001"), "lost=1001: a whole number from 0 to 1000 is needed");
-        assert_eq!(message("lost=-1"), "lost=-1: a whole number from 0 to 1000 is needed");
+        assert_eq!(
+            message("lost=1001"),
+            "lost=1001: a whole number from 0 to 1000 is needed"
+        );
+        assert_eq!(
+            message("lost=-1"),
+            "lost=-1: a whole number from 0 to 1000 is needed"
+        );
     }
 
     #[test]
@@ -414,7 +493,11 @@ mod tests {
             let (_, cut) = spoiled("cut=1000", seed);
             assert!(REPLY.starts_with(&cut) && (1..7).contains(&cut.len()));
             let (_, flipped) = spoiled("flip=1000", seed);
-            let wrong: u32 = flipped.iter().zip(REPLY).map(|(is, was)| (is ^ was).count_ones()).sum();
+            let wrong: u32 = flipped
+                .iter()
+                .zip(REPLY)
+                .map(|(is, was)| (is ^ was).count_ones())
+                .sum();
             assert!((1..=3).contains(&wrong) && !crc::is_sound(&flipped));
         }
     }
@@ -467,13 +550,20 @@ mod tests {
         let mut shaped = 0;
         let mut before_the_reply = 0;
         for _ in 0..5_000 {
-            let Some((after, bytes)) = faults.burst(&REQUEST, &REPLY, Duration::from_millis(5), time) else { continue };
+            let Some((after, bytes)) =
+                faults.burst(&REQUEST, &REPLY, Duration::from_millis(5), time)
+            else {
+                continue;
+            };
             assert!(!bytes.is_empty() || after == Duration::from_millis(5));
             assert!(bytes == REQUEST || !crc::is_sound(&bytes), "{bytes:02X?}");
             shaped += usize::from(bytes.len() == 7 && bytes.starts_with(&[1, 3]));
             before_the_reply += usize::from(after + time(bytes.len()) == Duration::from_millis(5));
         }
-        assert!(shaped > 300 && before_the_reply > 800, "{shaped} {before_the_reply}");
+        assert!(
+            shaped > 300 && before_the_reply > 800,
+            "{shaped} {before_the_reply}"
+        );
     }
 
     #[test]
@@ -497,7 +587,9 @@ mod tests {
     #[test]
     fn chances_are_per_mille() {
         let mut faults = faults("lost=20", 1);
-        let lost = (0..100_000).filter(|_| faults.spoil(&mut REPLY.to_vec()).0 == Fate::Lost).count();
+        let lost = (0..100_000)
+            .filter(|_| faults.spoil(&mut REPLY.to_vec()).0 == Fate::Lost)
+            .count();
         assert!((1_800..2_200).contains(&lost), "{lost}");
     }
 }

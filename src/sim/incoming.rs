@@ -19,7 +19,10 @@ pub(super) struct Incoming {
 
 impl Incoming {
     pub fn new(framing: Framing) -> Self {
-        Self { framing, bytes: Vec::with_capacity(framing::max_adu_bytes(framing) + 1) }
+        Self {
+            framing,
+            bytes: Vec::with_capacity(framing::max_adu_bytes(framing) + 1),
+        }
     }
 
     pub const fn is_empty(&self) -> bool {
@@ -96,5 +99,9 @@ pub(super) fn silence_for(model: &Model, framing: Framing, link: LinkSettings) -
         Framing::Rtu => link.chars(model.timing.gap_chars.value),
         Framing::Ascii | Framing::Mbap => Duration::ZERO,
     };
-    model.quirks.pause_before_request.as_ref().map_or(gap, |pause| gap.max(pause.value))
+    model
+        .quirks
+        .pause_before_request
+        .as_ref()
+        .map_or(gap, |pause| gap.max(pause.value))
 }

@@ -91,7 +91,10 @@ mod testing {
     pub fn bus(options: BusOptions, seed: u64, stations: &[u8]) -> SimBus {
         let mut bus = SimBus::new(LinkSettings::DEFAULT, options, seed);
         for station in stations {
-            let options = DriveOptions { proof_words: Some(0x3000..=0x3FFF), ..DriveOptions::default() };
+            let options = DriveOptions {
+                proof_words: Some(0x3000..=0x3FFF),
+                ..DriveOptions::default()
+            };
             bus.connect(Station(*station), SimDrive::new(n700(), options));
         }
         bus
@@ -124,7 +127,10 @@ mod testing {
     }
 
     pub fn from_hex(hex: &str) -> Vec<u8> {
-        (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+        (0..hex.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap())
+            .collect()
     }
 }
 
@@ -138,8 +144,14 @@ mod tests {
 
     /// Every frame that the interface manual prints for the model, and those derived from its misprints.
     fn printed_frames() -> Vec<Value> {
-        let all: Value = serde_json::from_str(include_str!("../../tests/data/hyundai-frames.json")).unwrap();
-        all.as_array().unwrap().iter().filter(|frame| frame["drive"] == "n700").cloned().collect()
+        let all: Value =
+            serde_json::from_str(include_str!("../../tests/data/hyundai-frames.json")).unwrap();
+        all.as_array()
+            .unwrap()
+            .iter()
+            .filter(|frame| frame["drive"] == "n700")
+            .cloned()
+            .collect()
     }
 
     /// Brings the drive into the state in which the printed answer is due: a setpoint and an output
@@ -167,7 +179,9 @@ mod tests {
     fn every_frame_pair_of_the_manual_is_played() {
         let mut played = 0;
         for printed in printed_frames() {
-            let Some(response) = printed["response"].as_str().map(from_hex) else { continue };
+            let Some(response) = printed["response"].as_str().map(from_hex) else {
+                continue;
+            };
             let request = from_hex(printed["request"].as_str().unwrap());
             let mut bus = bus(UNPACED, 0, &[1]);
             let value = printed["decoded"]["raw"][0].as_u64().map(|raw| raw as u16);
@@ -185,10 +199,17 @@ mod tests {
     #[test]
     fn printed_frames_with_a_wrong_crc_are_ignored() {
         let mut played = 0;
-        for printed in printed_frames().iter().filter(|printed| printed["valid_crc"] == false) {
+        for printed in printed_frames()
+            .iter()
+            .filter(|printed| printed["valid_crc"] == false)
+        {
             let mut bus = bus(UNPACED, 0, &[1]);
             bus.receive(seconds(1), &from_hex(printed["request"].as_str().unwrap()));
-            assert!(taken(&mut bus, seconds(2)).is_empty(), "{}", printed["what"]);
+            assert!(
+                taken(&mut bus, seconds(2)).is_empty(),
+                "{}",
+                printed["what"]
+            );
             assert_eq!((bus.report().bad_crc, bus.report().requests_heard), (1, 0));
             played += 1;
         }

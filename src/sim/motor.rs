@@ -25,7 +25,14 @@ impl Motor {
     /// after the acceleration time.
     #[must_use]
     pub fn new(full_scale: i64, acceleration: Duration, deceleration: Duration) -> Self {
-        Self { full_scale: full_scale.max(1), acceleration, deceleration, since: MonoTime::ZERO, from: 0, target: 0 }
+        Self {
+            full_scale: full_scale.max(1),
+            acceleration,
+            deceleration,
+            since: MonoTime::ZERO,
+            from: 0,
+            target: 0,
+        }
     }
 
     /// Output frequency at `at` in microhertz; negative in reverse. `at` is not before the last order.
@@ -36,7 +43,11 @@ impl Motor {
         }
         let mut time = at.since(self.since).as_nanos();
         let mut now = self.from;
-        let floor = if now.signum() == self.target.signum() { self.target.abs().min(now.abs()) } else { 0 };
+        let floor = if now.signum() == self.target.signum() {
+            self.target.abs().min(now.abs())
+        } else {
+            0
+        };
         if floor < now.abs() {
             let whole = self.time_for(now.abs() - floor, self.deceleration);
             if time < whole {
@@ -45,7 +56,9 @@ impl Motor {
             time -= whole;
             now = now.signum() * floor;
         }
-        let rise = self.change_in(time, self.acceleration).min(self.target.abs() - now.abs());
+        let rise = self
+            .change_in(time, self.acceleration)
+            .min(self.target.abs() - now.abs());
         self.target.signum() * (now.abs() + rise)
     }
 
@@ -83,13 +96,17 @@ impl Motor {
 
     /// Nanoseconds in which the output changes by `change`, rounded up.
     fn time_for(&self, change: i64, ramp: Duration) -> u128 {
-        (u128::from(change.unsigned_abs()) * ramp.as_nanos()).div_ceil(u128::from(self.full_scale.unsigned_abs()))
+        (u128::from(change.unsigned_abs()) * ramp.as_nanos())
+            .div_ceil(u128::from(self.full_scale.unsigned_abs()))
     }
 
     /// Change of the output within `nanos` nanoseconds.
     fn change_in(&self, nanos: u128, ramp: Duration) -> i64 {
-        let change = (u128::from(self.full_scale.unsigned_abs()) * nanos).checked_div(ramp.as_nanos());
-        change.and_then(|change| i64::try_from(change).ok()).unwrap_or(i64::MAX)
+        let change =
+            (u128::from(self.full_scale.unsigned_abs()) * nanos).checked_div(ramp.as_nanos());
+        change
+            .and_then(|change| i64::try_from(change).ok())
+            .unwrap_or(i64::MAX)
     }
 }
 
@@ -100,7 +117,11 @@ mod tests {
     const HZ: i64 = MICROHERTZ;
 
     fn motor(acceleration_s: u64, deceleration_s: u64) -> Motor {
-        Motor::new(60 * HZ, Duration::from_secs(acceleration_s), Duration::from_secs(deceleration_s))
+        Motor::new(
+            60 * HZ,
+            Duration::from_secs(acceleration_s),
+            Duration::from_secs(deceleration_s),
+        )
     }
 
     fn seconds(seconds: u64) -> MonoTime {

@@ -24,7 +24,15 @@ impl Node {
     pub fn new(station: Station, drive: SimDrive) -> Self {
         let never = MonoTime::ZERO;
         let pause = Duration::ZERO;
-        Self { station, drive, exchanges: 0, busy_until: never, late_until: never, pause, pauses_until: never }
+        Self {
+            station,
+            drive,
+            exchanges: 0,
+            busy_until: never,
+            late_until: never,
+            pause,
+            pauses_until: never,
+        }
     }
 
     /// Whether it takes a request with `pdu` that began at `start` and ended at `end`: not before the end of its pause.

@@ -33,23 +33,103 @@ fn model_of(drive: &str) -> Option<&'static str> {
 
 /// Pairs that no drive of these models can produce, with the beginning of the response and the reason.
 const NOT_PLAYED: [(&str, &str, &str, &str); 17] = [
-    ("n700", "compact column of the F008 write", "0106", "the register is not in the model"),
-    ("TECO E510s", "08H error reply", "0188", "why a loop test fails is not told"),
-    ("TECO E510s", "08H error reply, corrected", "0188", "why a loop test fails is not told"),
-    ("TECO E510", "08H error reply", "0188", "why a loop test fails is not told"),
-    ("TECO E510", "03H exception 52H (address)", "0183", "the request shown is a right one"),
-    ("TECO E510s", "03H exception 04", "0183", "the request shown is a right one"),
-    ("TECO E510", "06H exception 52H", "0186", "the model has the register"),
-    ("TECO E510", "06H exception 51H", "0186", "the drive serves the function"),
-    ("TECO E510", "10H exception 52H", "0190", "the request shown is a right one"),
+    (
+        "n700",
+        "compact column of the F008 write",
+        "0106",
+        "the register is not in the model",
+    ),
+    (
+        "TECO E510s",
+        "08H error reply",
+        "0188",
+        "why a loop test fails is not told",
+    ),
+    (
+        "TECO E510s",
+        "08H error reply, corrected",
+        "0188",
+        "why a loop test fails is not told",
+    ),
+    (
+        "TECO E510",
+        "08H error reply",
+        "0188",
+        "why a loop test fails is not told",
+    ),
+    (
+        "TECO E510",
+        "03H exception 52H (address)",
+        "0183",
+        "the request shown is a right one",
+    ),
+    (
+        "TECO E510s",
+        "03H exception 04",
+        "0183",
+        "the request shown is a right one",
+    ),
+    (
+        "TECO E510",
+        "06H exception 52H",
+        "0186",
+        "the model has the register",
+    ),
+    (
+        "TECO E510",
+        "06H exception 51H",
+        "0186",
+        "the drive serves the function",
+    ),
+    (
+        "TECO E510",
+        "10H exception 52H",
+        "0190",
+        "the request shown is a right one",
+    ),
     ("TECO EV", "10H run", "0110", "another drive"),
-    ("Frecon FR500A", "06H EEPROM write F01.02", "0106", "the register is not in the model"),
-    ("Frecon FR500A", "06H RAM write F01.02", "0106", "the register is not in the model"),
-    ("Toshiba VF-S15", "Indirect block write 0x1870", "0110", "indirect blocks are not played"),
-    ("Toshiba VF-S15", "Indirect block write while busy", "0190", "indirect blocks are not played"),
-    ("Toshiba VF-S15", "Indirect block read 0x1875", "0103", "indirect blocks are not played"),
-    ("Toshiba VF-S15", "Indirect block read, 2 words", "0103", "indirect blocks are not played"),
-    ("Toshiba VF-S15", "Read device identification", "012B", "the function is not played"),
+    (
+        "Frecon FR500A",
+        "06H EEPROM write F01.02",
+        "0106",
+        "the register is not in the model",
+    ),
+    (
+        "Frecon FR500A",
+        "06H RAM write F01.02",
+        "0106",
+        "the register is not in the model",
+    ),
+    (
+        "Toshiba VF-S15",
+        "Indirect block write 0x1870",
+        "0110",
+        "indirect blocks are not played",
+    ),
+    (
+        "Toshiba VF-S15",
+        "Indirect block write while busy",
+        "0190",
+        "indirect blocks are not played",
+    ),
+    (
+        "Toshiba VF-S15",
+        "Indirect block read 0x1875",
+        "0103",
+        "indirect blocks are not played",
+    ),
+    (
+        "Toshiba VF-S15",
+        "Indirect block read, 2 words",
+        "0103",
+        "indirect blocks are not played",
+    ),
+    (
+        "Toshiba VF-S15",
+        "Read device identification",
+        "012B",
+        "the function is not played",
+    ),
 ];
 
 /// Brings `drive` into the state in which `request` is answered by `response`; both are PDUs.
@@ -99,7 +179,12 @@ fn options(drive: &str, address: u16) -> DriveOptions {
         return DriveOptions::default();
     }
     // 50 Hz, 400.0 V, 560 V and 4.5 A at full speed.
-    DriveOptions { max_frequency_hz: 50, rated_current_x10: 45, dc_link_v: 580, ..DriveOptions::default() }
+    DriveOptions {
+        max_frequency_hz: 50,
+        rated_current_x10: 45,
+        dc_link_v: 580,
+        ..DriveOptions::default()
+    }
 }
 
 /// Station and PDU of a frame as written in the collections: RTU in hexadecimal, or ASCII.
@@ -121,12 +206,18 @@ fn text<'a>(pair: &'a Value, key: &str) -> &'a str {
 }
 
 fn is_valid(pair: &Value) -> bool {
-    pair["valid_crc"].as_bool().or(pair["valid_check"].as_bool()).unwrap()
+    pair["valid_crc"]
+        .as_bool()
+        .or(pair["valid_check"].as_bool())
+        .unwrap()
 }
 
 fn pairs() -> Vec<Value> {
     let all = FILES.map(|file| serde_json::from_str::<Vec<Value>>(file).unwrap());
-    all.into_iter().flatten().filter(|pair| is_valid(pair) && pair["response"].is_string()).collect()
+    all.into_iter()
+        .flatten()
+        .filter(|pair| is_valid(pair) && pair["response"].is_string())
+        .collect()
 }
 
 #[test]
@@ -137,20 +228,27 @@ fn every_pair_that_a_drive_can_be_brought_to_is_played() {
         let drive = text(&pair, "drive");
         let what = text(&pair, "what");
         let response_hex = text(&pair, "response").replace([' ', ':'], "");
-        let is_this =
-            |it: &(&str, &str, &str, &str)| it.0 == drive && what.starts_with(it.1) && response_hex.starts_with(it.2);
+        let is_this = |it: &(&str, &str, &str, &str)| {
+            it.0 == drive && what.starts_with(it.1) && response_hex.starts_with(it.2)
+        };
         if NOT_PLAYED.iter().any(is_this) {
             unused.retain(|it| !is_this(it));
             continue;
         }
-        let ((station, request), (_, response)) = (decoded(text(&pair, "request")), decoded(text(&pair, "response")));
+        let ((station, request), (_, response)) = (
+            decoded(text(&pair, "request")),
+            decoded(text(&pair, "response")),
+        );
         assert_eq!(station, 1);
         let address = u16::from_be_bytes([request[1], request[2]]);
         let id = model_of(drive).unwrap_or_else(|| panic!("no model is known for {drive}"));
         let mut sim = SimDrive::new(model(id), options(drive, address));
         prepare(&mut sim, &request, &response);
         let mut found = Vec::new();
-        assert!(sim.answer(seconds(60), &request, 0, &mut found), "{drive}: {what}");
+        assert!(
+            sim.answer(seconds(60), &request, 0, &mut found),
+            "{drive}: {what}"
+        );
         assert_eq!(found, response, "{drive}: {what}: {found:02X?}");
         played += 1;
     }
@@ -163,25 +261,41 @@ const PLAYED: usize = 84;
 
 #[test]
 fn printed_broadcasts_stop_every_drive_and_none_answers() {
-    for (drive, setpoint, run) in
-        [("Frecon FR500A", (0x2001, 6000), (0x2000, 1)), ("Toshiba VF-AS1", (0xFA01, 6000), (0xFA00, 0xC400))]
-    {
+    for (drive, setpoint, run) in [
+        ("Frecon FR500A", (0x2001, 6000), (0x2000, 1)),
+        ("Toshiba VF-AS1", (0xFA01, 6000), (0xFA00, 0xC400)),
+    ] {
         let all = FILES.map(|file| serde_json::from_str::<Vec<Value>>(file).unwrap());
-        let is_it = |pair: &Value| text(pair, "drive") == drive && text(pair, "request").starts_with("00 ");
+        let is_it =
+            |pair: &Value| text(pair, "drive") == drive && text(pair, "request").starts_with("00 ");
         let printed = all.into_iter().flatten().find(is_it).unwrap();
         let model = model(model_of(drive).unwrap());
         let mut bus = SimBus::new(model.link.played(), UNPACED, 0);
         for station in [1, 2] {
-            bus.connect(Station(station), SimDrive::new(model.clone(), DriveOptions::default()));
+            bus.connect(
+                Station(station),
+                SimDrive::new(model.clone(), DriveOptions::default()),
+            );
             for (address, value) in [setpoint, run] {
                 bus.receive(seconds(0), &frame(station, 6, address, value));
             }
         }
         taken(&mut bus, seconds(20));
-        assert!([1, 2].iter().all(|it| bus.drive(Station(*it)).unwrap().output(seconds(20)) == 60_000_000));
-        bus.receive(seconds(20), &from_hex(&text(&printed, "request").replace(' ', "")));
+        assert!(
+            [1, 2]
+                .iter()
+                .all(|it| bus.drive(Station(*it)).unwrap().output(seconds(20)) == 60_000_000)
+        );
+        bus.receive(
+            seconds(20),
+            &from_hex(&text(&printed, "request").replace(' ', "")),
+        );
         assert_eq!(taken(&mut bus, seconds(40)), [0; 0]);
-        assert!([1, 2].iter().all(|it| bus.drive(Station(*it)).unwrap().output(seconds(40)) == 0));
+        assert!(
+            [1, 2]
+                .iter()
+                .all(|it| bus.drive(Station(*it)).unwrap().output(seconds(40)) == 0)
+        );
     }
 }
 
@@ -191,9 +305,15 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
     // The walk of the scenarios is for all models; here each order is one word by function 06.
     let is_plain = |model: &&Arc<Model>| {
         let setpoint = model.register_for(Role::FrequencyCommand);
-        let is_plain = setpoint.is_some_and(|it| it.scale == 100 && it.form.is_plain() && it.access.can_write());
-        let run = model.run.as_ref().filter(|_| is_plain && model.serves(6) && !may_be_old(model));
-        run.is_some_and(|run| run.reverse.is_some() && run.start.steps.is_empty() && run.places == Default::default())
+        let is_plain = setpoint
+            .is_some_and(|it| it.scale == 100 && it.form.is_plain() && it.access.can_write());
+        let run = model
+            .run
+            .as_ref()
+            .filter(|_| is_plain && model.serves(6) && !may_be_old(model));
+        run.is_some_and(|run| {
+            run.reverse.is_some() && run.start.steps.is_empty() && run.places == Default::default()
+        })
     };
     for model in crate::vendors::catalog().models().filter(is_plain) {
         let id = &model.id;
@@ -202,21 +322,35 @@ fn a_drive_of_each_model_is_read_in_full_and_runs_and_stops() {
             let mut request = vec![3];
             pdu::put_words(&mut request, &[register.address.number(), 1]);
             let mut reply = Vec::new();
-            assert!(drive.answer(MonoTime::ZERO, &request, 0, &mut reply), "{id} {}", register.name);
+            assert!(
+                drive.answer(MonoTime::ZERO, &request, 0, &mut reply),
+                "{id} {}",
+                register.name
+            );
             assert_eq!(reply[..2], [3, 2], "{id} {}", register.name);
         }
         let run = model.run.as_ref().unwrap();
         let reverse = run.reverse.as_ref().unwrap().value;
-        let roles = [(Role::FrequencyCommand, 3000), (crate::profile::model::Role::RunCommand, reverse)];
+        let roles = [
+            (Role::FrequencyCommand, 3000),
+            (crate::profile::model::Role::RunCommand, reverse),
+        ];
         for (role, value) in roles {
             let mut request = vec![6];
-            pdu::put_words(&mut request, &[model.register_for(role).unwrap().address.number(), value]);
+            pdu::put_words(
+                &mut request,
+                &[model.register_for(role).unwrap().address.number(), value],
+            );
             let mut reply = Vec::new();
             assert!(drive.answer(MonoTime::ZERO, &request, 0, &mut reply));
             assert_eq!(reply, request, "{id}");
         }
         assert_eq!(drive.output(seconds(30)), -30_000_000, "{id}");
         drive.operate_panel(seconds(30), Some(Direction::Forward));
-        assert_eq!(drive.output(seconds(60)), -30_000_000, "{id}: the bus commands");
+        assert_eq!(
+            drive.output(seconds(60)),
+            -30_000_000,
+            "{id}: the bus commands"
+        );
     }
 }

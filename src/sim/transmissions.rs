@@ -62,7 +62,14 @@ impl Transmissions {
     pub const MAX_WAITING: usize = 64;
 
     pub const fn new(pace: Option<LinkSettings>, delivery: Delivery) -> Self {
-        Self { pace, delivery, handed_on: MonoTime::ZERO, waiting: Vec::new(), newest: Vec::new(), spare: Vec::new() }
+        Self {
+            pace,
+            delivery,
+            handed_on: MonoTime::ZERO,
+            waiting: Vec::new(),
+            newest: Vec::new(),
+            spare: Vec::new(),
+        }
     }
 
     pub const fn is_paced(&self) -> bool {
@@ -101,7 +108,14 @@ impl Transmissions {
 
     /// Adds `bytes` of `station` from `start` on, delivered late from the byte at `hole` on; returns the number of
     /// collisions.
-    pub fn add(&mut self, station: Station, start: MonoTime, on_time: bool, bytes: Vec<u8>, hole: usize) -> u64 {
+    pub fn add(
+        &mut self,
+        station: Station,
+        start: MonoTime,
+        on_time: bool,
+        bytes: Vec<u8>,
+        hole: usize,
+    ) -> u64 {
         self.cut_yielding(start, start + self.time(bytes.len()));
         self.insert(station, start, on_time, bytes, hole, false)
     }
@@ -109,10 +123,16 @@ impl Transmissions {
     /// Adds `bytes` of `station` from `start` on, as far as the bus is idle.
     pub fn add_yielding(&mut self, station: Station, start: MonoTime, mut bytes: Vec<u8>) {
         let end = start + self.time(bytes.len());
-        let others = self.waiting.iter().filter(|other| other.start < end && start < other.end);
+        let others = self
+            .waiting
+            .iter()
+            .filter(|other| other.start < end && start < other.end);
         let room = others.map(|other| other.start.since(start)).min();
         if let Some(room) = room {
-            let count = (0..=bytes.len()).rev().find(|count| self.time(*count) <= room).unwrap_or_default();
+            let count = (0..=bytes.len())
+                .rev()
+                .find(|count| self.time(*count) <= room)
+                .unwrap_or_default();
             bytes.truncate(count);
         }
         if bytes.is_empty() {
@@ -125,12 +145,19 @@ impl Transmissions {
     fn cut_yielding(&mut self, start: MonoTime, end: MonoTime) {
         let pace = self.pace;
         let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
-        for other in self.waiting.iter_mut().filter(|other| other.yields && start < other.end && other.start < end) {
-            let whole = (1..=other.bytes.len()).filter(|bytes| other.start + time(*bytes) <= start).count();
+        for other in self
+            .waiting
+            .iter_mut()
+            .filter(|other| other.yields && start < other.end && other.start < end)
+        {
+            let whole = (1..=other.bytes.len())
+                .filter(|bytes| other.start + time(*bytes) <= start)
+                .count();
             other.bytes.truncate(whole.max(other.sent));
             other.end = other.start + time(other.bytes.len());
         }
-        self.waiting.retain(|other| !other.yields || other.sent < other.bytes.len());
+        self.waiting
+            .retain(|other| !other.yields || other.sent < other.bytes.len());
     }
 
     fn insert(
@@ -144,7 +171,19 @@ impl Transmissions {
     ) -> u64 {
         let end = start + self.time(bytes.len());
         let place = self.waiting.partition_point(|other| other.start <= start);
-        self.waiting.insert(place, Transmission { station, start, end, on_time, bytes, hole, yields, sent: 0 });
+        self.waiting.insert(
+            place,
+            Transmission {
+                station,
+                start,
+                end,
+                on_time,
+                bytes,
+                hole,
+                yields,
+                sent: 0,
+            },
+        );
         let Some(link) = self.pace else { return 0 };
         let mut collisions = 0;
         for other in (0..self.waiting.len()).filter(|other| *other != place) {
@@ -165,7 +204,11 @@ impl Transmissions {
     }
 
     /// Delivers the bytes up to `at`; returns the end of the last transmission that is now complete.
-    pub fn take(&mut self, at: MonoTime, mut sink: impl FnMut(MonoTime, &[u8])) -> Option<MonoTime> {
+    pub fn take(
+        &mut self,
+        at: MonoTime,
+        mut sink: impl FnMut(MonoTime, &[u8]),
+    ) -> Option<MonoTime> {
         let mut last_end = None;
         while let Some(first) = self.waiting.first() {
             let due = self.due(first);
@@ -178,7 +221,11 @@ impl Transmissions {
                 self.recycle(burst.bytes);
                 continue;
             }
-            let upto = if is_left { self.upto(first) } else { first.bytes.len() };
+            let upto = if is_left {
+                self.upto(first)
+            } else {
+                first.bytes.len()
+            };
             if is_left {
                 let bytes = &first.bytes[first.sent..upto];
                 sink(due, bytes);
@@ -210,25 +257,39 @@ impl Transmissions {
 
     /// Whether a drive is transmitting at `at`.
     pub fn is_on_wire(&self, at: MonoTime) -> bool {
-        self.waiting.iter().any(|drive| drive.start < at && at < drive.end)
+        self.waiting
+            .iter()
+            .any(|drive| drive.start < at && at < drive.end)
     }
 
     /// Whether a reply in time is not complete at `at`.
     pub fn is_awaited(&self, at: MonoTime) -> bool {
-        self.waiting.iter().any(|drive| drive.on_time && at < drive.end)
+        self.waiting
+            .iter()
+            .any(|drive| drive.on_time && at < drive.end)
     }
 
     /// The last end of a transmission that is over at `at` but was not taken.
     pub fn last_end(&self, at: MonoTime) -> Option<MonoTime> {
-        self.waiting.iter().map(|drive| drive.end).filter(|end| *end <= at).max()
+        self.waiting
+            .iter()
+            .map(|drive| drive.end)
+            .filter(|end| *end <= at)
+            .max()
     }
 
     /// Removes what `station` has not transmitted at `at`.
     pub fn silence(&mut self, at: MonoTime, station: Station) {
         let pace = self.pace;
         let time = |bytes| pace.map_or(Duration::ZERO, |link| link.bytes(bytes));
-        for drive in self.waiting.iter_mut().filter(|drive| drive.station == station) {
-            let went_out = (1..=drive.bytes.len()).filter(|bytes| drive.start + time(*bytes) <= at).count();
+        for drive in self
+            .waiting
+            .iter_mut()
+            .filter(|drive| drive.station == station)
+        {
+            let went_out = (1..=drive.bytes.len())
+                .filter(|bytes| drive.start + time(*bytes) <= at)
+                .count();
             drive.bytes.truncate(went_out.max(drive.sent));
             drive.end = drive.end.min(at);
         }
@@ -238,7 +299,11 @@ impl Transmissions {
     /// When the next byte of `drive` is complete.
     fn due(&self, drive: &Transmission) -> MonoTime {
         let end = drive.start + self.time(self.upto(drive));
-        if self.is_paced() && drive.sent >= drive.hole { end + HOLE } else { end.max(self.handed_on) }
+        if self.is_paced() && drive.sent >= drive.hole {
+            end + HOLE
+        } else {
+            end.max(self.handed_on)
+        }
     }
 
     /// The byte up to which `drive` is delivered next.
@@ -250,7 +315,11 @@ impl Transmissions {
             Delivery::Replies if drive.on_time => length,
             Delivery::Replies => (drive.sent + UNEXPECTED_CHARS).min(length),
         };
-        if drive.sent < drive.hole { upto.min(drive.hole) } else { upto }
+        if drive.sent < drive.hole {
+            upto.min(drive.hole)
+        } else {
+            upto
+        }
     }
 
     /// Counts `sent` bytes of the first transmission as sent; returns its end with the last one.
@@ -290,7 +359,10 @@ mod tests {
     use super::*;
 
     /// A character takes 1 ms.
-    const LINK: LinkSettings = LinkSettings { baud: 10_000, ..LinkSettings::DEFAULT };
+    const LINK: LinkSettings = LinkSettings {
+        baud: 10_000,
+        ..LinkSettings::DEFAULT
+    };
 
     fn ms(millis: u64) -> MonoTime {
         MonoTime::from_millis(millis)
@@ -298,7 +370,9 @@ mod tests {
 
     fn taken(transmissions: &mut Transmissions, at: MonoTime) -> Vec<(u64, u8)> {
         let mut bytes = Vec::new();
-        transmissions.take(at, |due, byte| bytes.push((due.as_nanos() / 1_000_000, byte[0])));
+        transmissions.take(at, |due, byte| {
+            bytes.push((due.as_nanos() / 1_000_000, byte[0]))
+        });
         bytes
     }
 
@@ -326,9 +400,22 @@ mod tests {
     #[test]
     fn two_drives_at_the_same_time_damage_each_other() {
         let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
-        assert_eq!(transmissions.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX), 0);
-        assert_eq!(transmissions.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX), 1);
-        let expected = [(101, 1), (102, 2), (103, 3 ^ 0x55), (104, 4 ^ 0x55), (105, 7), (106, 8)];
+        assert_eq!(
+            transmissions.add(Station(2), ms(102), false, vec![5, 6, 7, 8], usize::MAX),
+            0
+        );
+        assert_eq!(
+            transmissions.add(Station(1), ms(100), true, vec![1, 2, 3, 4], usize::MAX),
+            1
+        );
+        let expected = [
+            (101, 1),
+            (102, 2),
+            (103, 3 ^ 0x55),
+            (104, 4 ^ 0x55),
+            (105, 7),
+            (106, 8),
+        ];
         assert_eq!(taken(&mut transmissions, ms(200)), expected);
         assert_eq!(transmissions.next_due(), None);
     }
@@ -337,9 +424,15 @@ mod tests {
     fn a_burst_gives_way_to_anyone_who_talks() {
         let mut transmissions = Transmissions::new(Some(LINK), Delivery::Characters);
         transmissions.add_yielding(Station(0), ms(100), vec![1, 2, 3, 4]);
-        assert_eq!(transmissions.add(Station(1), ms(102), true, vec![7, 8], usize::MAX), 0);
+        assert_eq!(
+            transmissions.add(Station(1), ms(102), true, vec![7, 8], usize::MAX),
+            0
+        );
         transmissions.add_yielding(Station(0), ms(103), vec![9, 9]);
-        assert_eq!(taken(&mut transmissions, ms(200)), [(101, 1), (102, 2), (103, 7), (104, 8)]);
+        assert_eq!(
+            taken(&mut transmissions, ms(200)),
+            [(101, 1), (102, 2), (103, 7), (104, 8)]
+        );
         transmissions.add(Station(1), ms(305), true, vec![7], usize::MAX);
         transmissions.add_yielding(Station(0), ms(304), vec![5, 6]);
         assert_eq!(taken(&mut transmissions, ms(400)), [(305, 5), (306, 7)]);

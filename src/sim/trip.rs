@@ -58,10 +58,18 @@ mod tests {
     fn the_newest_record_pushes_the_others_back() {
         let mut log = TripLog::default();
         for cause in 1..=18 {
-            log.push(TripRecord { cause, frequency: 60_000_000, current: 5_500_000, dc_link: 540_000_000 });
+            log.push(TripRecord {
+                cause,
+                frequency: 60_000_000,
+                current: 5_500_000,
+                dc_link: 540_000_000,
+            });
         }
         assert_eq!((log.count(), log.newest().cause), (18, 18));
-        assert_eq!((log.record(1).unwrap().cause, log.record(15).unwrap().cause), (17, 3));
+        assert_eq!(
+            (log.record(1).unwrap().cause, log.record(15).unwrap().cause),
+            (17, 3)
+        );
         assert_eq!(log.record(16), None);
     }
 }

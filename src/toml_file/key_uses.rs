@@ -47,7 +47,18 @@ pub fn noted(read: impl FnOnce()) -> Vec<KeyUse> {
 }
 
 pub(super) fn note(table: &str, key: &'static str, form: Form, is_required: bool, right: &str) {
-    let table = table.split('[').map(|part| part.split_once(']').map_or(part, |(_, rest)| rest)).collect();
+    let table = table
+        .split('[')
+        .map(|part| part.split_once(']').map_or(part, |(_, rest)| rest))
+        .collect();
     let right = right.to_owned();
-    NOTED.with_borrow_mut(|noted| noted.push(KeyUse { table, key, form, is_required, right }));
+    NOTED.with_borrow_mut(|noted| {
+        noted.push(KeyUse {
+            table,
+            key,
+            form,
+            is_required,
+            right,
+        })
+    });
 }

@@ -27,13 +27,20 @@ impl Location {
 
     /// The location of the key `name` at `span`, in the table at this location.
     pub(super) fn inner(&self, name: &str, span: Range<usize>) -> Self {
-        let key = if self.key.is_empty() { name.to_owned() } else { format!("{}.{name}", self.key) };
+        let key = if self.key.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{}.{name}", self.key)
+        };
         Self { key, span }
     }
 
     /// The location of element `index` at `span`, in the list at this location.
     pub(super) fn element(&self, index: usize, span: Range<usize>) -> Self {
-        Self { key: format!("{}[{index}]", self.key), span }
+        Self {
+            key: format!("{}[{index}]", self.key),
+            span,
+        }
     }
 }
 

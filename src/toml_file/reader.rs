@@ -16,7 +16,9 @@ impl<'a> Document<'a> {
     /// The document whose outermost table is `table`.
     #[must_use]
     pub fn of(table: DeTable<'a>) -> Self {
-        Self { root: serde_spanned::Spanned::new(0..0, table) }
+        Self {
+            root: serde_spanned::Spanned::new(0..0, table),
+        }
     }
 
     /// The outermost table, as a value.
@@ -28,7 +30,13 @@ impl<'a> Document<'a> {
     /// The outermost table.
     #[must_use]
     pub fn section(&self) -> Section<'_> {
-        Section { table: self.root.get_ref(), location: Location { key: String::new(), span: 0..0 } }
+        Section {
+            table: self.root.get_ref(),
+            location: Location {
+                key: String::new(),
+                span: 0..0,
+            },
+        }
     }
 }
 
@@ -73,7 +81,12 @@ pub struct Reader<'a, 'p> {
 impl<'a, 'p> Reader<'a, 'p> {
     /// A reader of `section` that reports into `problems`.
     pub const fn new(section: Section<'a>, problems: &'p mut Vec<Problem>) -> Self {
-        Self { section, problems, valid: Vec::new(), refused: Vec::new() }
+        Self {
+            section,
+            problems,
+            valid: Vec::new(),
+            refused: Vec::new(),
+        }
     }
 
     /// The location of the table.
@@ -127,23 +140,35 @@ impl<'a, 'p> Reader<'a, 'p> {
         self.note(key, Form::Value, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
-            Some(found) => self.read(found, kind).map_or(OptionalKey::Invalid, OptionalKey::Valid),
+            Some(found) => self
+                .read(found, kind)
+                .map_or(OptionalKey::Invalid, OptionalKey::Valid),
         }
     }
 
     /// The optional list `key`. One invalid element makes the whole list invalid; each invalid element is
     /// reported.
-    pub fn list<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Vec<Spanned<T>>> {
+    pub fn list<T>(
+        &mut self,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> OptionalKey<Vec<Spanned<T>>> {
         #[cfg(test)]
         self.note(key, Form::List, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
-            Some(found) => self.read_list(found, kind).map_or(OptionalKey::Invalid, OptionalKey::Valid),
+            Some(found) => self
+                .read_list(found, kind)
+                .map_or(OptionalKey::Invalid, OptionalKey::Valid),
         }
     }
 
     /// The required list `key`; otherwise as [`Self::list`].
-    pub fn required_list<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<Vec<Spanned<T>>> {
+    pub fn required_list<T>(
+        &mut self,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> RequiredKey<Vec<Spanned<T>>> {
         #[cfg(test)]
         self.note(key, Form::List, true, kind.right());
         let Some(found) = self.find(key) else {
@@ -160,26 +185,42 @@ impl<'a, 'p> Reader<'a, 'p> {
         match self.find(key) {
             None => OptionalKey::Absent,
             Some(found) => match self.as_section(found) {
-                Some(section) => OptionalKey::Valid(Spanned { location: section.location.clone(), value: section }),
+                Some(section) => OptionalKey::Valid(Spanned {
+                    location: section.location.clone(),
+                    value: section,
+                }),
                 None => OptionalKey::Invalid,
             },
         }
     }
 
     /// The optional key `key`, a value or a table.
-    pub fn value_or_table<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Entry<'a, T>> {
+    pub fn value_or_table<T>(
+        &mut self,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> OptionalKey<Entry<'a, T>> {
         #[cfg(test)]
         self.note(key, Form::ValueOrTable, false, kind.right());
         match self.find(key) {
             None => OptionalKey::Absent,
             Some((location, DeValue::Table(table))) => {
-                let section = Section { table, location: location.clone() };
-                OptionalKey::Valid(Spanned { value: Entry::Table(section), location })
+                let section = Section {
+                    table,
+                    location: location.clone(),
+                };
+                OptionalKey::Valid(Spanned {
+                    value: Entry::Table(section),
+                    location,
+                })
             }
             Some(found) => match self.read(found, kind) {
                 Some(value) => {
                     let location = value.location.clone();
-                    OptionalKey::Valid(Spanned { value: Entry::Value(value), location })
+                    OptionalKey::Valid(Spanned {
+                        value: Entry::Value(value),
+                        location,
+                    })
                 }
                 None => OptionalKey::Invalid,
             },
@@ -188,26 +229,42 @@ impl<'a, 'p> Reader<'a, 'p> {
 
     /// The optional list `key` of values and tables. One invalid element makes the whole list invalid; each invalid element
     /// is reported.
-    pub fn values_or_tables<T>(&mut self, key: &'static str, kind: &Kind<'_, T>) -> OptionalKey<Vec<Entry<'a, T>>> {
+    pub fn values_or_tables<T>(
+        &mut self,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> OptionalKey<Vec<Entry<'a, T>>> {
         let right = format!("{}, or a table", kind.right());
         #[cfg(test)]
         self.note(key, Form::List, false, &right);
-        let Some((location, value)) = self.find(key) else { return OptionalKey::Absent };
+        let Some((location, value)) = self.find(key) else {
+            return OptionalKey::Absent;
+        };
         let DeValue::Array(elements) = value else {
             let what = format!("must be a list, not {}", kind_of(value));
-            self.problems.push(location.problem(what).right(format!("a list, each {right}")));
+            self.problems.push(
+                location
+                    .problem(what)
+                    .right(format!("a list, each {right}")),
+            );
             return OptionalKey::Invalid;
         };
         let mut list = Vec::new();
         for (index, element) in elements.iter().enumerate() {
             let place = location.element(index, element.span());
             list.extend(match element.get_ref() {
-                DeValue::Table(table) => Some(Entry::Table(Section { table, location: place })),
+                DeValue::Table(table) => Some(Entry::Table(Section {
+                    table,
+                    location: place,
+                })),
                 value => self.read((place, value), kind).map(Entry::Value),
             });
         }
         if list.len() == elements.len() {
-            OptionalKey::Valid(Spanned { value: list, location })
+            OptionalKey::Valid(Spanned {
+                value: list,
+                location,
+            })
         } else {
             OptionalKey::Invalid
         }
@@ -228,10 +285,16 @@ impl<'a, 'p> Reader<'a, 'p> {
     pub fn tables(&mut self, key: &'static str) -> Vec<Section<'a>> {
         #[cfg(test)]
         self.note(key, Form::Tables, false, "");
-        let Some((location, value)) = self.find(key) else { return Vec::new() };
+        let Some((location, value)) = self.find(key) else {
+            return Vec::new();
+        };
         let DeValue::Array(elements) = value else {
             let what = format!("must be a list of tables, not {}", kind_of(value));
-            self.problems.push(location.problem(what).right(format!("headers in double brackets: `[[{key}]]`")));
+            self.problems.push(
+                location
+                    .problem(what)
+                    .right(format!("headers in double brackets: `[[{key}]]`")),
+            );
             return Vec::new();
         };
         let elements = elements.iter().enumerate();
@@ -310,7 +373,11 @@ impl<'a, 'p> Reader<'a, 'p> {
                 Some(near) => format!("`{near}`"),
                 None => format!("one of {}", self.valid.join(", ")),
             };
-            self.problems.push(location.problem(format!("unknown key `{key}`")).right(right));
+            self.problems.push(
+                location
+                    .problem(format!("unknown key `{key}`"))
+                    .right(right),
+            );
         }
     }
 
@@ -322,15 +389,23 @@ impl<'a, 'p> Reader<'a, 'p> {
     fn find(&mut self, key: &'static str) -> Option<(Location, &'a DeValue<'a>)> {
         self.valid.push(key);
         let value = self.section.table.get(key)?;
-        Some((self.section.location.inner(key, value.span()), value.get_ref()))
+        Some((
+            self.section.location.inner(key, value.span()),
+            value.get_ref(),
+        ))
     }
 
     fn report_missing(&mut self, key: &str, right: &str) {
         let location = self.section.location.missing(key);
-        self.problems.push(location.problem(format!("`{key}` is missing")).right(right));
+        self.problems
+            .push(location.problem(format!("`{key}` is missing")).right(right));
     }
 
-    fn read<T>(&mut self, (location, value): (Location, &DeValue<'_>), kind: &Kind<'_, T>) -> RequiredKey<T> {
+    fn read<T>(
+        &mut self,
+        (location, value): (Location, &DeValue<'_>),
+        kind: &Kind<'_, T>,
+    ) -> RequiredKey<T> {
         read_value(location, value, kind, self.problems)
     }
 
@@ -341,17 +416,30 @@ impl<'a, 'p> Reader<'a, 'p> {
     ) -> RequiredKey<Vec<Spanned<T>>> {
         let DeValue::Array(elements) = value else {
             let what = format!("must be a list, not {}", kind_of(value));
-            self.problems.push(location.problem(what).right(format!("a list, each {}", kind.right())));
+            self.problems.push(
+                location
+                    .problem(what)
+                    .right(format!("a list, each {}", kind.right())),
+            );
             return None;
         };
         let mut list = Vec::new();
         for (index, element) in elements.iter().enumerate() {
-            list.extend(self.read((location.element(index, element.span()), element.get_ref()), kind));
+            list.extend(self.read(
+                (location.element(index, element.span()), element.get_ref()),
+                kind,
+            ));
         }
-        (list.len() == elements.len()).then_some(Spanned { value: list, location })
+        (list.len() == elements.len()).then_some(Spanned {
+            value: list,
+            location,
+        })
     }
 
-    fn as_section(&mut self, (location, value): (Location, &'a DeValue<'a>)) -> Option<Section<'a>> {
+    fn as_section(
+        &mut self,
+        (location, value): (Location, &'a DeValue<'a>),
+    ) -> Option<Section<'a>> {
         if let DeValue::Table(table) = value {
             return Some(Section { table, location });
         }
@@ -390,7 +478,12 @@ mod tests {
         }
         let lines = problems.iter().map(|problem| {
             let (line, column) = problem.place_in(text);
-            format!("{line}:{column} {}: {} -> {}\n", problem.key, problem.what, problem.right.as_deref().unwrap_or(""))
+            format!(
+                "{line}:{column} {}: {} -> {}\n",
+                problem.key,
+                problem.what,
+                problem.right.as_deref().unwrap_or("")
+            )
         });
         lines.collect()
     }
@@ -400,7 +493,10 @@ mod tests {
         let text = "buad = 1\nname = 5\n[[line]]\nsize = 'x'\n[[line]]\n[one]\nlist = [1, 'b', 300]\nold = 1\n";
         let found = problems_of(text, |reader| {
             assert_eq!(reader.required("name", &Kind::text()), None);
-            assert_eq!(reader.optional("baud", &Kind::number(1..=9_u8)), OptionalKey::Absent);
+            assert_eq!(
+                reader.optional("baud", &Kind::number(1..=9_u8)),
+                OptionalKey::Absent
+            );
             for section in reader.tables("line") {
                 let mut line = reader.open(section);
                 assert_eq!(line.required("size", &Kind::number(1..=9_u8)), None);
@@ -408,7 +504,10 @@ mod tests {
             }
             let one = reader.required_table("one").unwrap();
             let mut one = reader.open(one);
-            assert_eq!(one.list("list", &Kind::number(0..=255_u8)), OptionalKey::Invalid);
+            assert_eq!(
+                one.list("list", &Kind::number(0..=255_u8)),
+                OptionalKey::Invalid
+            );
             one.refuse("old", "`old` does nothing", "leave it out");
             one.finish();
             assert!(reader.required_table("two").is_none());
@@ -455,7 +554,10 @@ mod tests {
         let mut problems = Vec::new();
         let document = document("x = 'a'\ny = 1\nz = 'b'\n", &mut problems).unwrap();
         let all = Reader::new(document.section(), &mut problems).all(&Kind::text());
-        let all: Vec<_> = all.iter().map(|(key, text)| (key.as_str(), text.value.as_str())).collect();
+        let all: Vec<_> = all
+            .iter()
+            .map(|(key, text)| (key.as_str(), text.value.as_str()))
+            .collect();
         assert_eq!(all, [("x", "a"), ("z", "b")]);
         assert_eq!(problems[0].key, "y");
     }

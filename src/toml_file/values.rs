@@ -19,14 +19,23 @@ impl Wrong {
     /// A mistake with the description `what`.
     #[must_use]
     pub fn new(what: impl Into<String>) -> Self {
-        Self { what: what.into(), right: None }
+        Self {
+            what: what.into(),
+            right: None,
+        }
     }
 }
 
 /// `text` as a message repeats it; one that may hold a password or its hash is not repeated.
 fn quoted(text: &str) -> String {
-    let has_user = text.split_once("://").is_some_and(|(_, rest)| rest.contains('@'));
-    if has_user || text.contains("$argon2") { "this text".to_owned() } else { format!("`{text}`") }
+    let has_user = text
+        .split_once("://")
+        .is_some_and(|(_, rest)| rest.contains('@'));
+    if has_user || text.contains("$argon2") {
+        "this text".to_owned()
+    } else {
+        format!("`{text}`")
+    }
 }
 
 /// A kind of value: how it is read, and what is right for it, in words.
@@ -63,14 +72,20 @@ impl<'k, T: 'k> Kind<'k, T> {
     /// This kind, or the word `word`, which is read as `None`.
     #[must_use]
     pub fn or_word(self, word: &'static str) -> Kind<'k, Option<T>> {
-        Kind::new(format!("\"{word}\" or {}", self.right), move |value| match value {
-            DeValue::String(text) if text == word => Ok(None),
-            other => (self.read)(other).map(Some),
-        })
+        Kind::new(
+            format!("\"{word}\" or {}", self.right),
+            move |value| match value {
+                DeValue::String(text) if text == word => Ok(None),
+                other => (self.read)(other).map(Some),
+            },
+        )
     }
 
     fn new(right: String, read: impl Fn(&DeValue<'_>) -> Result<T, Wrong> + 'k) -> Self {
-        Self { right, read: Box::new(read) }
+        Self {
+            right,
+            read: Box::new(read),
+        }
     }
 }
 
@@ -78,8 +93,15 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
     /// One of `words`, each of which stands for a value.
     #[must_use]
     pub fn one_of(words: &'k [(&'k str, T)]) -> Self {
-        let list: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
-        let right = if let [one] = &list[..] { one.clone() } else { format!("one of {}", list.join(", ")) };
+        let list: Vec<_> = words
+            .iter()
+            .map(|(word, _)| format!("\"{word}\""))
+            .collect();
+        let right = if let [one] = &list[..] {
+            one.clone()
+        } else {
+            format!("one of {}", list.join(", "))
+        };
         Self::new(right, move |value| {
             let text = as_text(value)?;
             if let Some((_, found)) = words.iter().find(|(word, _)| *word == text) {
@@ -99,8 +121,15 @@ impl<'k, T: Copy + 'k> Kind<'k, T> {
     /// moves it: a word that is none of them is answered with all of them and their meanings, never with the nearest.
     #[must_use]
     pub fn choice(words: &'k [(&'k str, T)], means: impl Fn(T) -> &'static str) -> Self {
-        let list: Vec<_> = words.iter().map(|(word, value)| format!("\"{word}\" ({})", means(*value))).collect();
-        let right = if let [one] = &list[..] { one.clone() } else { format!("one of {}", list.join(", ")) };
+        let list: Vec<_> = words
+            .iter()
+            .map(|(word, value)| format!("\"{word}\" ({})", means(*value)))
+            .collect();
+        let right = if let [one] = &list[..] {
+            one.clone()
+        } else {
+            format!("one of {}", list.join(", "))
+        };
         Self::new(right, move |value| {
             let text = as_text(value)?;
             let found = words.iter().find(|(word, _)| *word == text);
@@ -124,7 +153,9 @@ impl Kind<'_, u16> {
     /// An address of a register, best written in hexadecimal.
     #[must_use]
     pub fn address() -> Self {
-        Self::new("an address from 0x0000 to 0xFFFF".to_owned(), |value| in_range(value, &(0..=u16::MAX)))
+        Self::new("an address from 0x0000 to 0xFFFF".to_owned(), |value| {
+            in_range(value, &(0..=u16::MAX))
+        })
     }
 }
 
@@ -132,9 +163,11 @@ impl Kind<'_, String> {
     /// Text that is not blank.
     #[must_use]
     pub fn text() -> Self {
-        Self::new("text, not empty".to_owned(), |value| match as_text(value)?.trim() {
-            "" => Err(Wrong::new("is empty")),
-            text => Ok(text.to_owned()),
+        Self::new("text, not empty".to_owned(), |value| {
+            match as_text(value)?.trim() {
+                "" => Err(Wrong::new("is empty")),
+                text => Ok(text.to_owned()),
+            }
         })
     }
 }
@@ -145,7 +178,10 @@ impl Kind<'_, bool> {
     pub fn flag() -> Self {
         Self::new("true or false".to_owned(), |value| match value {
             DeValue::Boolean(flag) => Ok(*flag),
-            other => Err(Wrong::new(format!("must be true or false, not {}", kind_of(other)))),
+            other => Err(Wrong::new(format!(
+                "must be true or false, not {}",
+                kind_of(other)
+            ))),
         })
     }
 }
@@ -154,15 +190,23 @@ impl Kind<'_, f64> {
     /// A number in `range`, with or without a decimal point.
     #[must_use]
     pub fn decimal(range: RangeInclusive<f64>) -> Self {
-        Self::new(format!("a number from {} to {}", range.start(), range.end()), move |value| {
-            let text = match value {
-                DeValue::Float(float) => float.as_str(),
-                DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
-                other => return Err(Wrong::new(format!("must be a number, not {}", kind_of(other)))),
-            };
-            let number = text.parse().ok().filter(|number| range.contains(number));
-            number.ok_or_else(|| Wrong::new(format!("{text} is out of range")))
-        })
+        Self::new(
+            format!("a number from {} to {}", range.start(), range.end()),
+            move |value| {
+                let text = match value {
+                    DeValue::Float(float) => float.as_str(),
+                    DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str(),
+                    other => {
+                        return Err(Wrong::new(format!(
+                            "must be a number, not {}",
+                            kind_of(other)
+                        )));
+                    }
+                };
+                let number = text.parse().ok().filter(|number| range.contains(number));
+                number.ok_or_else(|| Wrong::new(format!("{text} is out of range")))
+            },
+        )
     }
 }
 
@@ -172,16 +216,26 @@ impl Kind<'_, Duration> {
     pub fn duration(range: RangeInclusive<Duration>) -> Self {
         let least = duration_text(*range.start());
         let most = duration_text(*range.end());
-        Self::new(format!("a time from \"{least}\" to \"{most}\""), move |value| {
-            let DeValue::String(text) = value else {
-                return Err(Wrong::new(format!("must be a time with its unit as text, not {}", kind_of(value))));
-            };
-            match parse_duration(text) {
-                None => Err(Wrong::new(format!("`{text}` is not a time; the units are ms, s, min, h"))),
-                Some(time) if !range.contains(&time) => Err(Wrong::new(format!("{text} is out of range"))),
-                Some(time) => Ok(time),
-            }
-        })
+        Self::new(
+            format!("a time from \"{least}\" to \"{most}\""),
+            move |value| {
+                let DeValue::String(text) = value else {
+                    return Err(Wrong::new(format!(
+                        "must be a time with its unit as text, not {}",
+                        kind_of(value)
+                    )));
+                };
+                match parse_duration(text) {
+                    None => Err(Wrong::new(format!(
+                        "`{text}` is not a time; the units are ms, s, min, h"
+                    ))),
+                    Some(time) if !range.contains(&time) => {
+                        Err(Wrong::new(format!("{text} is out of range")))
+                    }
+                    Some(time) => Ok(time),
+                }
+            },
+        )
     }
 }
 
@@ -189,8 +243,11 @@ impl Kind<'_, Duration> {
 #[must_use]
 pub fn duration_text(time: Duration) -> String {
     let millis = time.as_millis();
-    let (unit, size) =
-        UNITS.into_iter().rev().find(|(_, size)| millis >= *size && millis.is_multiple_of(*size)).unwrap_or(UNITS[0]);
+    let (unit, size) = UNITS
+        .into_iter()
+        .rev()
+        .find(|(_, size)| millis >= *size && millis.is_multiple_of(*size))
+        .unwrap_or(UNITS[0]);
     format!("{}{unit}", millis / size)
 }
 
@@ -221,16 +278,26 @@ pub(super) const fn kind_of(value: &DeValue<'_>) -> &'static str {
 }
 
 fn as_text<'v>(value: &'v DeValue<'_>) -> Result<&'v str, Wrong> {
-    value.as_str().ok_or_else(|| Wrong::new(format!("must be text, not {}", kind_of(value))))
+    value
+        .as_str()
+        .ok_or_else(|| Wrong::new(format!("must be text, not {}", kind_of(value))))
 }
 
-fn in_range<T: Copy + TryFrom<i64> + Into<i64>>(value: &DeValue<'_>, range: &RangeInclusive<T>) -> Result<T, Wrong> {
+fn in_range<T: Copy + TryFrom<i64> + Into<i64>>(
+    value: &DeValue<'_>,
+    range: &RangeInclusive<T>,
+) -> Result<T, Wrong> {
     let DeValue::Integer(integer) = value else {
-        return Err(Wrong::new(format!("must be a whole number, not {}", kind_of(value))));
+        return Err(Wrong::new(format!(
+            "must be a whole number, not {}",
+            kind_of(value)
+        )));
     };
     let (least, most): (i64, i64) = ((*range.start()).into(), (*range.end()).into());
     let number = i64::from_str_radix(integer.as_str(), integer.radix()).ok();
-    let number = number.filter(|number| (least..=most).contains(number)).and_then(|number| T::try_from(number).ok());
+    let number = number
+        .filter(|number| (least..=most).contains(number))
+        .and_then(|number| T::try_from(number).ok());
     number.ok_or_else(|| Wrong::new(format!("{integer} is out of range")))
 }
 
@@ -250,8 +317,14 @@ mod tests {
         assert_eq!(read(&kind, "1"), Ok(1));
         assert_eq!(read(&kind, "0xF8"), Err("0xF8 is out of range".to_owned()));
         assert_eq!(read(&kind, "-1"), Err("-1 is out of range".to_owned()));
-        assert_eq!(read(&kind, "99999999999999999999"), Err("99999999999999999999 is out of range".to_owned()));
-        assert_eq!(read(&kind, "1.0"), Err("must be a whole number, not a decimal number".to_owned()));
+        assert_eq!(
+            read(&kind, "99999999999999999999"),
+            Err("99999999999999999999 is out of range".to_owned())
+        );
+        assert_eq!(
+            read(&kind, "1.0"),
+            Err("must be a whole number, not a decimal number".to_owned())
+        );
         assert_eq!(read(&Kind::address(), "0xFFFF"), Ok(0xFFFF));
     }
 
@@ -269,18 +342,43 @@ mod tests {
     fn times_carry_their_unit() {
         let kind = Kind::duration(Duration::from_millis(1)..=Duration::from_secs(3600));
         assert_eq!(kind.right(), "a time from \"1ms\" to \"1h\"");
-        for (text, millis) in [("'500ms'", 500), ("'5s'", 5_000), ("'10min'", 600_000), ("'1h'", 3_600_000)] {
-            assert_eq!(read(&kind, text), Ok(Duration::from_millis(millis)), "{text}");
+        for (text, millis) in [
+            ("'500ms'", 500),
+            ("'5s'", 5_000),
+            ("'10min'", 600_000),
+            ("'1h'", 3_600_000),
+        ] {
+            assert_eq!(
+                read(&kind, text),
+                Ok(Duration::from_millis(millis)),
+                "{text}"
+            );
         }
-        for bad in ["'500'", "'ms'", "''", "'1.5s'", "'-1s'", "'1 s'", "'2h'", "'0ms'", "5", "'99999999999999999999s'"]
-        {
+        for bad in [
+            "'500'",
+            "'ms'",
+            "''",
+            "'1.5s'",
+            "'-1s'",
+            "'1 s'",
+            "'2h'",
+            "'0ms'",
+            "5",
+            "'99999999999999999999s'",
+        ] {
             assert!(read(&kind, bad).is_err(), "{bad}");
         }
     }
 
     #[test]
     fn times_are_shown_in_their_largest_unit() {
-        for (millis, text) in [(0, "0ms"), (500, "500ms"), (1_500, "1500ms"), (5_000, "5s"), (3_600_000, "1h")] {
+        for (millis, text) in [
+            (0, "0ms"),
+            (500, "500ms"),
+            (1_500, "1500ms"),
+            (5_000, "5s"),
+            (3_600_000, "1h"),
+        ] {
             assert_eq!(duration_text(Duration::from_millis(millis)), text);
         }
     }
@@ -288,7 +386,9 @@ mod tests {
     #[test]
     fn a_slip_of_the_pen_in_a_word_is_named() {
         let kind = Kind::one_of(&[("none", 0), ("even", 1)]);
-        let wrong = kind.read(DeValue::parse("'evne'").unwrap().get_ref()).unwrap_err();
+        let wrong = kind
+            .read(DeValue::parse("'evne'").unwrap().get_ref())
+            .unwrap_err();
         assert_eq!(wrong.right.as_deref(), Some("\"even\""));
         assert_eq!(kind.right(), "one of \"none\", \"even\"");
         assert_eq!(read(&kind.or_word("auto"), "'auto'"), Ok(None));
@@ -296,10 +396,17 @@ mod tests {
 
     #[test]
     fn a_choice_is_never_guessed() {
-        let kind = Kind::choice(&[("stop", 0), ("hold", 1)], |it| if it == 0 { "it stops" } else { "it goes on" });
-        let wrong = kind.read(DeValue::parse("'halt'").unwrap().get_ref()).unwrap_err();
+        let kind = Kind::choice(&[("stop", 0), ("hold", 1)], |it| {
+            if it == 0 { "it stops" } else { "it goes on" }
+        });
+        let wrong = kind
+            .read(DeValue::parse("'halt'").unwrap().get_ref())
+            .unwrap_err();
         assert_eq!(wrong, Wrong::new("`halt` is not an allowed value"));
-        assert_eq!(kind.right(), "one of \"stop\" (it stops), \"hold\" (it goes on)");
+        assert_eq!(
+            kind.right(),
+            "one of \"stop\" (it stops), \"hold\" (it goes on)"
+        );
         assert_eq!(read(&kind, "'hold'"), Ok(1));
     }
 

@@ -4,19 +4,26 @@ use crate::domain::link::{EchoPolicy, Framing, Interface, Parity};
 use crate::domain::units::UnitOfMeasure;
 
 /// Parities.
-pub const PARITIES: [(&str, Parity); 3] = [("none", Parity::None), ("even", Parity::Even), ("odd", Parity::Odd)];
+pub const PARITIES: [(&str, Parity); 3] = [
+    ("none", Parity::None),
+    ("even", Parity::Even),
+    ("odd", Parity::Odd),
+];
 
 /// Framings.
 pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
 
 /// The same with the framing that follows from a port, which no file names.
-pub const SHOWN_FRAMINGS: [(&str, Framing); 3] = [FRAMINGS[0], FRAMINGS[1], ("modbus-tcp", Framing::Mbap)];
+pub const SHOWN_FRAMINGS: [(&str, Framing); 3] =
+    [FRAMINGS[0], FRAMINGS[1], ("modbus-tcp", Framing::Mbap)];
 
 /// What to do about an echo.
-pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] = [("refuse", EchoPolicy::Refuse), ("strip", EchoPolicy::Strip)];
+pub const ECHO_POLICIES: [(&str, EchoPolicy); 2] =
+    [("refuse", EchoPolicy::Refuse), ("strip", EchoPolicy::Strip)];
 
 /// Interfaces.
-pub const INTERFACES: [(&str, Interface); 2] = [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];
+pub const INTERFACES: [(&str, Interface); 2] =
+    [("rs485", Interface::Rs485), ("rs232", Interface::Rs232)];
 
 /// Units of measure.
 pub const UNITS: [(&str, UnitOfMeasure); 18] = [
@@ -29,12 +36,27 @@ pub const UNITS: [(&str, UnitOfMeasure); 18] = [
     (UnitOfMeasure::Second.symbol(), UnitOfMeasure::Second),
     (UnitOfMeasure::Hour.symbol(), UnitOfMeasure::Hour),
     (UnitOfMeasure::Rpm.symbol(), UnitOfMeasure::Rpm),
-    (UnitOfMeasure::KilowattHour.symbol(), UnitOfMeasure::KilowattHour),
-    (UnitOfMeasure::MegawattHour.symbol(), UnitOfMeasure::MegawattHour),
-    (UnitOfMeasure::NewtonMetre.symbol(), UnitOfMeasure::NewtonMetre),
+    (
+        UnitOfMeasure::KilowattHour.symbol(),
+        UnitOfMeasure::KilowattHour,
+    ),
+    (
+        UnitOfMeasure::MegawattHour.symbol(),
+        UnitOfMeasure::MegawattHour,
+    ),
+    (
+        UnitOfMeasure::NewtonMetre.symbol(),
+        UnitOfMeasure::NewtonMetre,
+    ),
     (UnitOfMeasure::Bar.symbol(), UnitOfMeasure::Bar),
-    (UnitOfMeasure::CubicMetrePerHour.symbol(), UnitOfMeasure::CubicMetrePerHour),
-    (UnitOfMeasure::LitrePerSecond.symbol(), UnitOfMeasure::LitrePerSecond),
+    (
+        UnitOfMeasure::CubicMetrePerHour.symbol(),
+        UnitOfMeasure::CubicMetrePerHour,
+    ),
+    (
+        UnitOfMeasure::LitrePerSecond.symbol(),
+        UnitOfMeasure::LitrePerSecond,
+    ),
     (UnitOfMeasure::Minute.symbol(), UnitOfMeasure::Minute),
     (UnitOfMeasure::Day.symbol(), UnitOfMeasure::Day),
     (UnitOfMeasure::None.symbol(), UnitOfMeasure::None),
@@ -43,7 +65,10 @@ pub const UNITS: [(&str, UnitOfMeasure); 18] = [
 /// The word for `value` in `words`; `?` where it has none.
 #[must_use]
 pub fn word_for<T: PartialEq>(words: &[(&'static str, T)], value: &T) -> &'static str {
-    words.iter().find(|(_, it)| it == value).map_or("?", |(word, _)| word)
+    words
+        .iter()
+        .find(|(_, it)| it == value)
+        .map_or("?", |(word, _)| word)
 }
 
 #[cfg(test)]

@@ -21,9 +21,12 @@ fn moved_value<'a>(value: Spanned<DeValue<'a>>, by: usize) -> Spanned<DeValue<'a
     let span = value.span();
     let value = match value.into_inner() {
         DeValue::Table(inner) => DeValue::Table(moved(inner, by)),
-        DeValue::Array(inner) => {
-            DeValue::Array(inner.into_iter().map(|value| moved_value(value, by)).collect::<DeArray<'_>>())
-        }
+        DeValue::Array(inner) => DeValue::Array(
+            inner
+                .into_iter()
+                .map(|value| moved_value(value, by))
+                .collect::<DeArray<'_>>(),
+        ),
         other => other,
     };
     Spanned::new(span.start + by..span.end + by, value)
@@ -35,7 +38,10 @@ fn moved_value<'a>(value: Spanned<DeValue<'a>>, by: usize) -> Spanned<DeValue<'a
 pub fn text_of(table: &DeTable<'_>) -> String {
     let mut text = String::new();
     lines(table, |_| false, &mut text);
-    for (key, value) in in_order(table).into_iter().filter(|(_, value)| has_header(value)) {
+    for (key, value) in in_order(table)
+        .into_iter()
+        .filter(|(_, value)| has_header(value))
+    {
         section(&name(key), value, &mut text);
     }
     text
@@ -47,7 +53,10 @@ fn section(path: &str, value: &DeValue<'_>, text: &mut String) {
         DeValue::Table(inner) => {
             let _ = write!(text, "\n[{path}]\n");
             lines(inner, is_list_of_tables, text);
-            for (key, list) in in_order(inner).into_iter().filter(|(_, value)| is_list_of_tables(value)) {
+            for (key, list) in in_order(inner)
+                .into_iter()
+                .filter(|(_, value)| is_list_of_tables(value))
+            {
                 section(&format!("{path}.{}", name(key)), list, text);
             }
         }
@@ -79,14 +88,22 @@ fn has_header(value: &DeValue<'_>) -> bool {
 }
 
 fn is_list_of_tables(value: &DeValue<'_>) -> bool {
-    let DeValue::Array(rows) = value else { return false };
-    !rows.is_empty() && rows.iter().all(|row| matches!(row.get_ref(), DeValue::Table(_)))
+    let DeValue::Array(rows) = value else {
+        return false;
+    };
+    !rows.is_empty()
+        && rows
+            .iter()
+            .all(|row| matches!(row.get_ref(), DeValue::Table(_)))
 }
 
 fn in_order<'t>(table: &'t DeTable<'_>) -> Vec<(&'t str, &'t DeValue<'t>)> {
     let mut entries: Vec<_> = table.iter().collect();
     entries.sort_by_key(|(key, _)| key.span().start);
-    entries.into_iter().map(|(key, value)| (&**key.get_ref(), value.get_ref())).collect()
+    entries
+        .into_iter()
+        .map(|(key, value)| (&**key.get_ref(), value.get_ref()))
+        .collect()
 }
 
 fn inline(value: &DeValue<'_>, text: &mut String) {
@@ -117,7 +134,10 @@ fn inline(value: &DeValue<'_>, text: &mut String) {
 }
 
 fn name(key: &str) -> String {
-    let is_bare = !key.is_empty() && key.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-');
+    let is_bare = !key.is_empty()
+        && key
+            .bytes()
+            .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-');
     if is_bare { key.to_owned() } else { quoted(key) }
 }
 
@@ -151,7 +171,9 @@ mod tests {
 
     #[test]
     fn moved_tables_keep_their_content() {
-        let table = DeTable::parse("a = { b = [1, { c = 2 }] }").unwrap().into_inner();
+        let table = DeTable::parse("a = { b = [1, { c = 2 }] }")
+            .unwrap()
+            .into_inner();
         let there = moved(table.clone(), 100);
         assert_eq!(text_of(&there), text_of(&table));
         let (key, value) = there.get_key_value("a").unwrap();

@@ -96,7 +96,12 @@ static TEXTS: &[(&str, &str)] = files![
 /// The models that the demo shows, one each of some vendors.
 #[must_use]
 pub const fn in_demo() -> &'static [&'static str] {
-    &["hyundai-n700", "toshiba-vf-as1", "teco-e510", "frecon-fr500a"]
+    &[
+        "hyundai-n700",
+        "toshiba-vf-as1",
+        "teco-e510",
+        "frecon-fr500a",
+    ]
 }
 
 /// The models whose every row was typed a second time in `tests/` here. Tests that play one promise in depth rest on

@@ -26,7 +26,12 @@ pub fn encode(out: &mut Vec<u8>, station: u8, pdu: impl FnOnce(&mut Vec<u8>)) {
     pdu(&mut body);
     body.push(sum(&body).wrapping_neg());
     out.push(START);
-    out.extend(body.iter().flat_map(|byte| [DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 0xF)]]));
+    out.extend(body.iter().flat_map(|byte| {
+        [
+            DIGITS[usize::from(byte >> 4)],
+            DIGITS[usize::from(byte & 0xF)],
+        ]
+    }));
     out.extend(END);
 }
 
@@ -49,7 +54,11 @@ pub fn decode(adu: &[u8]) -> Option<(u8, Vec<u8>)> {
 /// The range of the next sound frame in `bytes`, whatever its function.
 #[must_use]
 pub fn find(bytes: &[u8]) -> Option<Range<usize>> {
-    ended(bytes).find(|place| bytes.get(place.clone()).is_some_and(|adu| decode(adu).is_some()))
+    ended(bytes).find(|place| {
+        bytes
+            .get(place.clone())
+            .is_some_and(|adu| decode(adu).is_some())
+    })
 }
 
 /// Whether a complete frame begins like the expected reply or its exception and has the same length. If no frame in
@@ -57,10 +66,16 @@ pub fn find(bytes: &[u8]) -> Option<Range<usize>> {
 #[must_use]
 pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
     ended(bytes).any(|place| {
-        let length = match bytes.get(place.start + 1..place.start + 5).and_then(bytes_of).as_deref() {
+        let length = match bytes
+            .get(place.start + 1..place.start + 5)
+            .and_then(bytes_of)
+            .as_deref()
+        {
             Some([station, _]) if *station != expected.station => return false,
             Some([_, code]) if *code == expected.function => expected.adu_bytes,
-            Some([_, code]) if *code == expected.function | function::EXCEPTION_BIT => EXCEPTION_ADU_BYTES,
+            Some([_, code]) if *code == expected.function | function::EXCEPTION_BIT => {
+                EXCEPTION_ADU_BYTES
+            }
             _ => return false,
         };
         place.len() == length
@@ -72,7 +87,10 @@ fn ended(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> + '_ {
     let mut from = 0;
     std::iter::from_fn(move || {
         loop {
-            let length = bytes[from..].windows(END.len()).position(|pair| pair == END)? + END.len();
+            let length = bytes[from..]
+                .windows(END.len())
+                .position(|pair| pair == END)?
+                + END.len();
             let piece = from..from + length;
             from = piece.end;
             if let Some(start) = bytes[piece.clone()].iter().rposition(|byte| *byte == START) {
@@ -108,22 +126,63 @@ mod tests {
     /// Requests with their replies as the manuals of TECO's E510, E510s and A510s print them (or with the LRC that
     /// the manual leaves out).
     fn answered() -> [(&'static str, Request, &'static str, Reply); 5] {
-        let block = Request::WriteMultiple { address: 0x2501_u16.into(), values: vec![1, 6000] };
+        let block = Request::WriteMultiple {
+            address: 0x2501_u16.into(),
+            values: vec![1, 6000],
+        };
         [
-            (":01080000A5371B\r\n", Request::Loopback { data: 0xA537 }, ":01080000A5371B\r\n", Reply::Echo),
-            (":010325230001B3\r\n", read(0x2523), ":01030207D023\r\n", Reply::Words(vec![2000])),
-            (":01030C100001DF\r\n", read(0x0C10), ":010302177073\r\n", Reply::Words(vec![6000])),
-            (":0106250217704B\r\n", setpoint(), ":0106250217704B\r\n", Reply::Holds { value: 6000 }),
-            (":01102501000204000117703B\r\n", block, ":011025010002C7\r\n", Reply::Echo),
+            (
+                ":01080000A5371B\r\n",
+                Request::Loopback { data: 0xA537 },
+                ":01080000A5371B\r\n",
+                Reply::Echo,
+            ),
+            (
+                ":010325230001B3\r\n",
+                read(0x2523),
+                ":01030207D023\r\n",
+                Reply::Words(vec![2000]),
+            ),
+            (
+                ":01030C100001DF\r\n",
+                read(0x0C10),
+                ":010302177073\r\n",
+                Reply::Words(vec![6000]),
+            ),
+            (
+                ":0106250217704B\r\n",
+                setpoint(),
+                ":0106250217704B\r\n",
+                Reply::Holds { value: 6000 },
+            ),
+            (
+                ":01102501000204000117703B\r\n",
+                block,
+                ":011025010002C7\r\n",
+                Reply::Echo,
+            ),
         ]
     }
 
     /// Requests with exceptions, and how the manual prints each: its misprints repeat a byte of the CRC or swap digits.
     fn refused() -> [(Request, &'static str, u8, Option<&'static str>); 5] {
-        let block = Request::WriteMultiple { address: 0x2501_u16.into(), values: vec![1, 6000] };
+        let block = Request::WriteMultiple {
+            address: 0x2501_u16.into(),
+            values: vec![1, 6000],
+        };
         [
-            (Request::Loopback { data: 0xA537 }, ":01880374\r\n", 3, Some(":01880306\r\n")),
-            (Request::Loopback { data: 0xA537 }, ":01882057\r\n", 0x20, Some(":01882075\r\n")),
+            (
+                Request::Loopback { data: 0xA537 },
+                ":01880374\r\n",
+                3,
+                Some(":01880306\r\n"),
+            ),
+            (
+                Request::Loopback { data: 0xA537 },
+                ":01882057\r\n",
+                0x20,
+                Some(":01882075\r\n"),
+            ),
             (read(0x0C10), ":01830478\r\n", 4, Some(":01830440\r\n")),
             (setpoint(), ":01865128\r\n", 0x51, Some(":01860302\r\n")),
             (block, ":0190036C\r\n", 3, Some(":0190030C\r\n")),
@@ -131,15 +190,25 @@ mod tests {
     }
 
     fn read(address: u16) -> Request {
-        Request::Read { address: address.into(), count: 1 }
+        Request::Read {
+            address: address.into(),
+            count: 1,
+        }
     }
 
     fn setpoint() -> Request {
-        Request::WriteSingle { address: 0x2502_u16.into(), value: 6000 }
+        Request::WriteSingle {
+            address: 0x2502_u16.into(),
+            value: 6000,
+        }
     }
 
     fn expected(request: &Request) -> Expected {
-        Expected { station: 1, function: request.function(), adu_bytes: adu_bytes(request.reply_pdu_bytes()) }
+        Expected {
+            station: 1,
+            function: request.function(),
+            adu_bytes: adu_bytes(request.reply_pdu_bytes()),
+        }
     }
 
     fn found_in(stream: &[u8], chunk: usize) -> (Vec<FoundFrame>, Vec<u8>) {
@@ -153,16 +222,27 @@ mod tests {
     }
 
     fn frame(noise: &[u8], adu: &str) -> FoundFrame {
-        FoundFrame { noise: noise.to_vec(), adu: adu.as_bytes().to_vec() }
+        FoundFrame {
+            noise: noise.to_vec(),
+            adu: adu.as_bytes().to_vec(),
+        }
     }
 
     #[test]
     fn printed_frames_mean_what_the_manual_says_and_format_back() {
         for (asked, request, answered, reply) in answered() {
             let (station, pdu) = decode(asked.as_bytes()).unwrap();
-            assert_eq!((station, Request::decode(&pdu)), (1, Some(request.clone())), "{asked}");
+            assert_eq!(
+                (station, Request::decode(&pdu)),
+                (1, Some(request.clone())),
+                "{asked}"
+            );
             let (station, pdu) = decode(answered.as_bytes()).unwrap();
-            assert_eq!((station, request.reply_in(&pdu)), (1, Some(reply.clone())), "{answered}");
+            assert_eq!(
+                (station, request.reply_in(&pdu)),
+                (1, Some(reply.clone())),
+                "{answered}"
+            );
             assert_eq!(answered.len(), expected(&request).adu_bytes, "{answered}");
             let mut asked_again = Vec::new();
             let mut answered_again = Vec::new();
@@ -171,7 +251,10 @@ mod tests {
                 Reply::Words(words) => encode_read_reply(out, Table::Holding, words),
                 _ => out.extend_from_slice(&pdu),
             });
-            assert_eq!((asked_again.as_slice(), answered_again.as_slice()), (asked.as_bytes(), answered.as_bytes()));
+            assert_eq!(
+                (asked_again.as_slice(), answered_again.as_slice()),
+                (asked.as_bytes(), answered.as_bytes())
+            );
         }
     }
 
@@ -187,7 +270,13 @@ mod tests {
             assembler.push(misprint.as_bytes());
             assert_eq!(assembler.take(None), None);
             assert!(assembler.holds_damaged(&expected(&request)), "{misprint}");
-            assert!(!assembler.holds_damaged(&Expected { station: 2, ..expected(&request) }), "{misprint}");
+            assert!(
+                !assembler.holds_damaged(&Expected {
+                    station: 2,
+                    ..expected(&request)
+                }),
+                "{misprint}"
+            );
         }
     }
 
@@ -196,10 +285,19 @@ mod tests {
         for (.., adu, _) in answered() {
             let lower = adu.to_lowercase();
             for chunk in 1..=adu.len() {
-                assert_eq!(found_in(adu.as_bytes(), chunk), (vec![frame(b"", adu)], vec![]));
-                assert_eq!(found_in(lower.as_bytes(), chunk), (vec![frame(b"", &lower)], vec![]));
+                assert_eq!(
+                    found_in(adu.as_bytes(), chunk),
+                    (vec![frame(b"", adu)], vec![])
+                );
+                assert_eq!(
+                    found_in(lower.as_bytes(), chunk),
+                    (vec![frame(b"", &lower)], vec![])
+                );
                 let glued = [adu, &lower].concat();
-                assert_eq!(found_in(glued.as_bytes(), chunk), (vec![frame(b"", adu), frame(b"", &lower)], vec![]));
+                assert_eq!(
+                    found_in(glued.as_bytes(), chunk),
+                    (vec![frame(b"", adu), frame(b"", &lower)], vec![])
+                );
             }
             assert_eq!(decode(lower.as_bytes()), decode(adu.as_bytes()));
         }
@@ -208,18 +306,39 @@ mod tests {
     #[test]
     fn a_colon_restarts_a_frame() {
         let adu = ":01030207D023\r\n";
-        for piece in [":", ":0103", ":01030207D0", "\r\n", ":01030207D024\r\n", "::", ":\r\n", "0103\r", "\u{7}:01\r\r"]
-        {
+        for piece in [
+            ":",
+            ":0103",
+            ":01030207D0",
+            "\r\n",
+            ":01030207D024\r\n",
+            "::",
+            ":\r\n",
+            "0103\r",
+            "\u{7}:01\r\r",
+        ] {
             for chunk in [1, 100] {
                 let stream = [piece, adu].concat();
-                assert_eq!(found_in(stream.as_bytes(), chunk), (vec![frame(piece.as_bytes(), adu)], vec![]), "{piece}");
+                assert_eq!(
+                    found_in(stream.as_bytes(), chunk),
+                    (vec![frame(piece.as_bytes(), adu)], vec![]),
+                    "{piece}"
+                );
             }
         }
     }
 
     #[test]
     fn what_is_no_frame_is_none() {
-        for text in ["", ":\r\n", ":01\r\n", ":01FF\r\n", ":01030207D02\r\n", ":0103G207D023\r\n", "01030207D023\r\n"] {
+        for text in [
+            "",
+            ":\r\n",
+            ":01\r\n",
+            ":01FF\r\n",
+            ":01030207D02\r\n",
+            ":0103G207D023\r\n",
+            "01030207D023\r\n",
+        ] {
             assert_eq!(decode(text.as_bytes()), None, "{text}");
         }
         assert_eq!(decode(b":01030207D023\r"), None);
@@ -237,7 +356,11 @@ mod tests {
                 spoilt[bit / 8] ^= 1 << (bit % 8);
                 let (found, rest) = found_in(&spoilt, 3);
                 let taken: Vec<_> = found.iter().map(|found| decode(&found.adu)).collect();
-                assert!(taken.is_empty() || taken == [intended.clone()], "{:?}", spoilt.escape_ascii().to_string());
+                assert!(
+                    taken.is_empty() || taken == [intended.clone()],
+                    "{:?}",
+                    spoilt.escape_ascii().to_string()
+                );
                 assert_eq!(decode(&rest), None, "{request:?}");
             }
         }

@@ -57,7 +57,10 @@ pub fn decode(framing: Framing, adu: &[u8]) -> Option<(u8, Cow<'_, [u8]>)> {
         Framing::Rtu => rtu::decode(adu).map(|(station, pdu)| (station, Cow::Borrowed(pdu))),
         Framing::Ascii => ascii::decode(adu).map(|(station, pdu)| (station, Cow::Owned(pdu))),
         Framing::Mbap => {
-            let message = mbap::decode(adu).ok().flatten().filter(|message| message.adu_bytes == adu.len());
+            let message = mbap::decode(adu)
+                .ok()
+                .flatten()
+                .filter(|message| message.adu_bytes == adu.len());
             message.map(|message| (message.unit, Cow::Borrowed(message.pdu)))
         }
     }
@@ -67,7 +70,9 @@ pub fn decode(framing: Framing, adu: &[u8]) -> Option<(u8, Cow<'_, [u8]>)> {
 /// [`rtu::find_read_request`]. In other framings each frame is found in its turn.
 #[must_use]
 pub fn find_read_request(framing: Framing, bytes: &[u8]) -> Option<Range<usize>> {
-    (framing == Framing::Rtu).then(|| rtu::find_read_request(bytes)).flatten()
+    (framing == Framing::Rtu)
+        .then(|| rtu::find_read_request(bytes))
+        .flatten()
 }
 
 /// Most bytes of a Modbus TCP stream that are kept. All whole messages are taken out between two reads of a port, which
@@ -85,7 +90,10 @@ impl Assembler {
     /// An empty one.
     #[must_use]
     pub const fn new(framing: Framing) -> Self {
-        Self { framing, bytes: Vec::new() }
+        Self {
+            framing,
+            bytes: Vec::new(),
+        }
     }
 
     /// Maximum number of bytes that are kept: two of the longest frames, of a stream more. Further bytes push out the
@@ -110,7 +118,10 @@ impl Assembler {
         let place = match self.framing {
             Framing::Rtu => rtu::find(&self.bytes, expected),
             Framing::Ascii => ascii::find(&self.bytes),
-            Framing::Mbap => mbap::decode(&self.bytes).ok().flatten().map(|message| 0..message.adu_bytes),
+            Framing::Mbap => mbap::decode(&self.bytes)
+                .ok()
+                .flatten()
+                .map(|message| 0..message.adu_bytes),
         }?;
         Some(self.take_out(place))
     }
@@ -132,8 +143,14 @@ impl Assembler {
 
     /// Removes the next sound frame that cannot be composed of parts of others, with the noise before it: see
     /// [`rtu::find_certain`]. `is_over`: the bytes are followed by silence.
-    pub fn take_certain(&mut self, expected: Option<&Expected>, is_over: bool) -> Option<FoundFrame> {
-        let (Framing::Rtu, Some(expected)) = (self.framing, expected) else { return self.take(expected) };
+    pub fn take_certain(
+        &mut self,
+        expected: Option<&Expected>,
+        is_over: bool,
+    ) -> Option<FoundFrame> {
+        let (Framing::Rtu, Some(expected)) = (self.framing, expected) else {
+            return self.take(expected);
+        };
         let place = rtu::find_certain(&self.bytes, expected, is_over)?;
         Some(self.take_out(place))
     }
@@ -146,7 +163,10 @@ impl Assembler {
 
     /// Removes the first copy of `frame` and everything before it; returns the latter.
     pub fn take_copy(&mut self, frame: &[u8]) -> Option<Vec<u8>> {
-        let start = self.bytes.windows(frame.len().max(1)).position(|window| window == frame)?;
+        let start = self
+            .bytes
+            .windows(frame.len().max(1))
+            .position(|window| window == frame)?;
         let before = self.bytes[..start].to_vec();
         self.bytes.drain(..start + frame.len());
         Some(before)
@@ -168,7 +188,11 @@ impl Assembler {
     /// function code does not determine its length, which [`decode`] then recognises. A stream loses nothing, so there
     /// the rest of an incomplete frame is still to come.
     pub fn end(&mut self) -> Vec<u8> {
-        if self.is_stream() { Vec::new() } else { self.clear() }
+        if self.is_stream() {
+            Vec::new()
+        } else {
+            self.clear()
+        }
     }
 
     /// Removes all bytes: nothing that belongs to them will follow.

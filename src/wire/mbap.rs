@@ -49,14 +49,23 @@ pub fn decode(stream: &[u8]) -> Result<Option<Message<'_>>, Malformed> {
     {
         return Err(Malformed::Protocol(protocol));
     }
-    let (Some(transaction), Some(length)) = (word(0), word(4)) else { return Ok(None) };
+    let (Some(transaction), Some(length)) = (word(0), word(4)) else {
+        return Ok(None);
+    };
     let after_length = usize::from(length);
     if !(2..=1 + MAX_PDU_BYTES).contains(&after_length) {
         return Err(Malformed::Length(length));
     }
     let adu_bytes = 6 + after_length;
-    let Some(body) = stream.get(6..adu_bytes) else { return Ok(None) };
-    Ok(Some(Message { transaction, unit: body[0], pdu: &body[1..], adu_bytes }))
+    let Some(body) = stream.get(6..adu_bytes) else {
+        return Ok(None);
+    };
+    Ok(Some(Message {
+        transaction,
+        unit: body[0],
+        pdu: &body[1..],
+        adu_bytes,
+    }))
 }
 
 /// Appends a message to `out`; `pdu` appends its PDU, which must have 1 to 253 bytes.
@@ -92,14 +101,19 @@ mod tests {
     #[test]
     fn a_message_is_taken_when_it_is_whole() {
         let mut stream = Vec::new();
-        encode(&mut stream, 0x1234, 7, |out| out.extend([3, 0x01, 0x01, 0, 1]));
+        encode(&mut stream, 0x1234, 7, |out| {
+            out.extend([3, 0x01, 0x01, 0, 1])
+        });
         assert_eq!(stream, [0x12, 0x34, 0, 0, 0, 6, 7, 3, 1, 1, 0, 1]);
         for end in 0..stream.len() {
             assert_eq!(decode(&stream[..end]), Ok(None));
         }
         stream.push(0xAA);
         let message = decode(&stream).unwrap().unwrap();
-        assert_eq!((message.transaction, message.unit, message.adu_bytes), (0x1234, 7, 12));
+        assert_eq!(
+            (message.transaction, message.unit, message.adu_bytes),
+            (0x1234, 7, 12)
+        );
         assert_eq!(message.pdu, [3, 1, 1, 0, 1]);
     }
 
@@ -108,7 +122,10 @@ mod tests {
         assert_eq!(decode(&[0, 1, 0, 1]), Err(Malformed::Protocol(1)));
         for length in [0_u16, 1, 255, 60_000, 65_535] {
             let [hi, lo] = length.to_be_bytes();
-            assert_eq!(decode(&[0, 1, 0, 0, hi, lo]), Err(Malformed::Length(length)));
+            assert_eq!(
+                decode(&[0, 1, 0, 0, hi, lo]),
+                Err(Malformed::Length(length))
+            );
         }
     }
 }

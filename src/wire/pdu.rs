@@ -98,13 +98,19 @@ impl Request {
     /// A read of `count` words or bits from `address` on.
     #[must_use]
     pub fn read(address: impl Into<Address>, count: u16) -> Self {
-        Self::Read { address: address.into(), count }
+        Self::Read {
+            address: address.into(),
+            count,
+        }
     }
 
     /// A write of one word or bit.
     #[must_use]
     pub fn write(address: impl Into<Address>, value: u16) -> Self {
-        Self::WriteSingle { address: address.into(), value }
+        Self::WriteSingle {
+            address: address.into(),
+            value,
+        }
     }
 
     /// The function code.
@@ -117,10 +123,14 @@ impl Request {
                 Table::Coil => function::READ_COILS,
                 Table::Discrete => function::READ_DISCRETE,
             },
-            Self::WriteSingle { address, .. } if address.table().is_of_bits() => function::WRITE_COIL,
+            Self::WriteSingle { address, .. } if address.table().is_of_bits() => {
+                function::WRITE_COIL
+            }
             Self::WriteSingle { .. } => function::WRITE_SINGLE,
             Self::Loopback { .. } => function::DIAGNOSTICS,
-            Self::WriteMultiple { address, .. } if address.table().is_of_bits() => function::WRITE_COILS,
+            Self::WriteMultiple { address, .. } if address.table().is_of_bits() => {
+                function::WRITE_COILS
+            }
             Self::WriteMultiple { .. } => function::WRITE_MULTIPLE,
             Self::Unserved { function, .. } => *function,
         }
@@ -131,7 +141,9 @@ impl Request {
         let (first, count) = match self {
             Self::WriteSingle { address, .. } => (*address, 1),
             Self::WriteMultiple { address, values } => (*address, values.len()),
-            Self::Read { .. } | Self::Loopback { .. } | Self::Unserved { .. } => (Address::default(), 0),
+            Self::Read { .. } | Self::Loopback { .. } | Self::Unserved { .. } => {
+                (Address::default(), 0)
+            }
         };
         first.onwards().take(count)
     }
@@ -141,7 +153,9 @@ impl Request {
     pub const fn reply_pdu_bytes(&self) -> usize {
         match self {
             Self::Unserved { .. } => 2,
-            Self::Read { address, count } if address.table().is_of_bits() => 2 + bit_bytes(*count as usize),
+            Self::Read { address, count } if address.table().is_of_bits() => {
+                2 + bit_bytes(*count as usize)
+            }
             Self::Read { count, .. } => 2 + 2 * *count as usize,
             Self::WriteSingle { .. } | Self::Loopback { .. } | Self::WriteMultiple { .. } => 5,
         }
@@ -150,7 +164,10 @@ impl Request {
     /// Whether a drive may answer with a copy of the request, so that an echo looks like the reply.
     #[must_use]
     pub const fn is_repeated_by_its_reply(&self) -> bool {
-        matches!(self, Self::WriteSingle { .. } | Self::Loopback { .. } | Self::Unserved { .. })
+        matches!(
+            self,
+            Self::WriteSingle { .. } | Self::Loopback { .. } | Self::Unserved { .. }
+        )
     }
 
     /// Appends the request's PDU to `out`.
@@ -158,8 +175,14 @@ impl Request {
         out.push(self.function());
         match self {
             Self::Read { address, count } => put_words(out, &[address.number(), *count]),
-            Self::WriteSingle { address, value } => put_words(out, &[address.number(), single(*address, *value)]),
-            Self::Loopback { data } | Self::Unserved { function: function::DIAGNOSTICS, data } => {
+            Self::WriteSingle { address, value } => {
+                put_words(out, &[address.number(), single(*address, *value)])
+            }
+            Self::Loopback { data }
+            | Self::Unserved {
+                function: function::DIAGNOSTICS,
+                data,
+            } => {
                 put_words(out, &[0, *data]);
             }
             Self::WriteMultiple { address, values } => {
@@ -185,24 +208,38 @@ impl Request {
         let first = u16::from_be_bytes([head[0], head[1]]);
         let second = u16::from_be_bytes([head[2], head[3]]);
         match (function, tail) {
-            (function::READ_HOLDING | function::READ_INPUT | function::READ_COILS | function::READ_DISCRETE, []) => {
-                Some(Self::Read { address: Address::new(table_of(function), first), count: second })
-            }
+            (
+                function::READ_HOLDING
+                | function::READ_INPUT
+                | function::READ_COILS
+                | function::READ_DISCRETE,
+                [],
+            ) => Some(Self::Read {
+                address: Address::new(table_of(function), first),
+                count: second,
+            }),
             (function::WRITE_SINGLE, []) => Some(Self::write(first, second)),
-            (function::WRITE_COIL, []) if matches!(second, 0 | COIL_ON) => {
-                Some(Self::write(Address::new(Table::Coil, first), u16::from(second == COIL_ON)))
-            }
+            (function::WRITE_COIL, []) if matches!(second, 0 | COIL_ON) => Some(Self::write(
+                Address::new(Table::Coil, first),
+                u16::from(second == COIL_ON),
+            )),
             (function::DIAGNOSTICS, []) if first == 0 => Some(Self::Loopback { data: second }),
             (function::WRITE_MULTIPLE, [bytes, data @ ..])
                 if usize::from(*bytes) == data.len() && data.len() == 2 * usize::from(second) =>
             {
-                Some(Self::WriteMultiple { address: Address::holding(first), values: words(data) })
+                Some(Self::WriteMultiple {
+                    address: Address::holding(first),
+                    values: words(data),
+                })
             }
             (function::WRITE_COILS, [bytes, data @ ..])
                 if usize::from(*bytes) == data.len() && data.len() == bit_bytes(second.into()) =>
             {
                 let values = bits(data, second.into());
-                Some(Self::WriteMultiple { address: Address::new(Table::Coil, first), values })
+                Some(Self::WriteMultiple {
+                    address: Address::new(Table::Coil, first),
+                    values,
+                })
             }
             _ => None,
         }
@@ -228,11 +265,19 @@ impl Request {
             Self::Read { address, count } => {
                 let (&bytes, data) = data.split_first()?;
                 let is_of_bits = address.table().is_of_bits();
-                let values = || if is_of_bits { bits(data, usize::from(*count)) } else { words(data) };
+                let values = || {
+                    if is_of_bits {
+                        bits(data, usize::from(*count))
+                    } else {
+                        words(data)
+                    }
+                };
                 (usize::from(bytes) == data.len()).then(|| Reply::Words(values()))
             }
             Self::WriteSingle { address, .. } => {
-                let [address_hi, address_lo, value_hi, value_lo] = *data else { return None };
+                let [address_hi, address_lo, value_hi, value_lo] = *data else {
+                    return None;
+                };
                 let value = u16::from_be_bytes([value_hi, value_lo]);
                 let value = match (address.table().is_of_bits(), value) {
                     (false, value) => value,
@@ -240,7 +285,8 @@ impl Request {
                     (true, COIL_ON) => 1,
                     (true, _) => return None,
                 };
-                (u16::from_be_bytes([address_hi, address_lo]) == address.number()).then_some(Reply::Holds { value })
+                (u16::from_be_bytes([address_hi, address_lo]) == address.number())
+                    .then_some(Reply::Holds { value })
             }
             Self::Loopback { data: sent } => (words(data) == [0, *sent]).then_some(Reply::Echo),
             Self::WriteMultiple { address, values } => {
@@ -282,7 +328,9 @@ pub fn is_request(pdu: &[u8]) -> bool {
         // A reply with 5 bytes would have half a word.
         [function::READ_HOLDING | function::READ_INPUT, rest @ ..] => rest.len() == 4,
         // A reply with three bytes of bits is as long.
-        [function::READ_COILS | function::READ_DISCRETE, rest @ ..] => rest.len() == 4 && rest[0] != 3,
+        [function::READ_COILS | function::READ_DISCRETE, rest @ ..] => {
+            rest.len() == 4 && rest[0] != 3
+        }
         _ => matches!(Request::decode(pdu), Some(Request::WriteMultiple { .. })),
     }
 }
@@ -306,19 +354,28 @@ pub fn put_words(out: &mut Vec<u8>, words: &[u16]) {
 
 /// Appends `bits`, each 0 or another number, to `out`: the first in the lowest bit of the first byte.
 fn put_bits(out: &mut Vec<u8>, bits: &[u16]) {
-    let byte = |bits: &[u16]| bits.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0));
+    let byte = |bits: &[u16]| {
+        bits.iter()
+            .rev()
+            .fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0))
+    };
     out.extend(bits.chunks(8).map(byte));
 }
 
 /// The words in `bytes`, high byte first; an odd byte at the end is left out.
 #[must_use]
 pub fn words(bytes: &[u8]) -> Vec<u16> {
-    bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+    bytes
+        .chunks_exact(2)
+        .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
+        .collect()
 }
 
 /// The first `count` bits in `bytes`, 0 or 1 each.
 fn bits(bytes: &[u8], count: usize) -> Vec<u16> {
-    let all = bytes.iter().flat_map(|byte| (0..8).map(move |bit| u16::from(byte >> bit & 1)));
+    let all = bytes
+        .iter()
+        .flat_map(|byte| (0..8).map(move |bit| u16::from(byte >> bit & 1)));
     all.take(count).collect()
 }
 
@@ -337,8 +394,14 @@ mod tests {
             Request::write(Address::new(Table::Coil, 0), 1),
             Request::write(Address::new(Table::Coil, 0x49), 0),
             Request::Loopback { data: 0xBEEF },
-            Request::WriteMultiple { address: Address::holding(0x2501), values: vec![1, 3000] },
-            Request::WriteMultiple { address: Address::new(Table::Coil, 0), values: vec![1, 0, 0, 0, 0, 0, 0, 1, 1] },
+            Request::WriteMultiple {
+                address: Address::holding(0x2501),
+                values: vec![1, 3000],
+            },
+            Request::WriteMultiple {
+                address: Address::new(Table::Coil, 0),
+                values: vec![1, 0, 0, 0, 0, 0, 0, 1, 1],
+            },
         ];
         for request in requests {
             let mut pdu = Vec::new();
@@ -353,31 +416,55 @@ mod tests {
     fn what_a_drive_does_not_serve_does_nothing_on_one_that_does() {
         let pdu = |function| {
             let mut pdu = Vec::new();
-            Request::Unserved { function, data: 0xBEEF }.encode(&mut pdu);
+            Request::Unserved {
+                function,
+                data: 0xBEEF,
+            }
+            .encode(&mut pdu);
             pdu
         };
         assert_eq!(pdu(8), [8, 0, 0, 0xBE, 0xEF]);
         assert_eq!(pdu(0x11), [0x11]);
-        let request = Request::Unserved { function: 8, data: 0xBEEF };
+        let request = Request::Unserved {
+            function: 8,
+            data: 0xBEEF,
+        };
         assert_eq!(request.reply_in(&[8, 0, 0, 0xBE, 0xEF]), None);
-        assert!(request.is_answered_by(1) && request.is_answered_by(0x51) && !request.is_answered_by(2));
+        assert!(
+            request.is_answered_by(1) && request.is_answered_by(0x51) && !request.is_answered_by(2)
+        );
         assert!(Request::Loopback { data: 1 }.is_answered_by(2));
     }
 
     #[test]
     fn only_the_right_reply_is_a_reply() {
         let read = Request::read(0x0101, 1);
-        assert_eq!(read.reply_in(&[3, 2, 0x17, 0x70]), Some(Reply::Words(vec![6000])));
-        for wrong in [&[3, 4, 0, 1, 0, 2][..], &[3, 3, 0, 1], &[6, 2, 0x17, 0x70], &[3], &[]] {
+        assert_eq!(
+            read.reply_in(&[3, 2, 0x17, 0x70]),
+            Some(Reply::Words(vec![6000]))
+        );
+        for wrong in [
+            &[3, 4, 0, 1, 0, 2][..],
+            &[3, 3, 0, 1],
+            &[6, 2, 0x17, 0x70],
+            &[3],
+            &[],
+        ] {
             assert_eq!(read.reply_in(wrong), None, "{wrong:?}");
         }
         let write = Request::write(2, 1);
-        assert_eq!(write.reply_in(&[6, 0, 2, 0, 0]), Some(Reply::Holds { value: 0 }));
+        assert_eq!(
+            write.reply_in(&[6, 0, 2, 0, 0]),
+            Some(Reply::Holds { value: 0 })
+        );
         assert_eq!(write.reply_in(&[6, 0, 4, 0, 1]), None);
         let loopback = Request::Loopback { data: 7 };
         assert_eq!(loopback.reply_in(&[8, 0, 0, 0, 7]), Some(Reply::Echo));
         assert_eq!(loopback.reply_in(&[8, 0, 0, 0, 8]), None);
-        let block = Request::WriteMultiple { address: Address::holding(9), values: vec![1, 2] };
+        let block = Request::WriteMultiple {
+            address: Address::holding(9),
+            values: vec![1, 2],
+        };
         assert_eq!(block.reply_in(&[0x10, 0, 9, 0, 2]), Some(Reply::Echo));
         assert_eq!(block.reply_in(&[0x10, 0, 9, 0, 1]), None);
     }
@@ -389,15 +476,25 @@ mod tests {
         let mut pdu = Vec::new();
         read.encode(&mut pdu);
         assert_eq!(pdu, [1, 0, 6, 0, 7]);
-        assert_eq!(read.reply_in(&[1, 1, 0x45]), Some(Reply::Words(vec![1, 0, 1, 0, 0, 0, 1])));
+        assert_eq!(
+            read.reply_in(&[1, 1, 0x45]),
+            Some(Reply::Words(vec![1, 0, 1, 0, 0, 0, 1]))
+        );
         assert_eq!(read.reply_in(&[1, 2, 0x45, 0]), None);
         let run = Request::write(Address::new(Table::Coil, 0), 1);
         let mut pdu = Vec::new();
         run.encode(&mut pdu);
         assert_eq!(pdu, [5, 0, 0, 0xFF, 0]);
         assert_eq!(run.reply_in(&pdu), Some(Reply::Holds { value: 1 }));
-        assert_eq!(run.reply_in(&[5, 0, 0, 0, 0]), Some(Reply::Holds { value: 0 }));
-        for wrong in [&[5, 0, 1, 0xFF, 0][..], &[5, 0, 0, 0, 1], &[6, 0, 0, 0xFF, 0]] {
+        assert_eq!(
+            run.reply_in(&[5, 0, 0, 0, 0]),
+            Some(Reply::Holds { value: 0 })
+        );
+        for wrong in [
+            &[5, 0, 1, 0xFF, 0][..],
+            &[5, 0, 0, 0, 1],
+            &[6, 0, 0, 0xFF, 0],
+        ] {
             assert_eq!(run.reply_in(wrong), None, "{wrong:?}");
         }
     }

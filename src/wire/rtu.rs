@@ -42,13 +42,17 @@ pub fn decode(adu: &[u8]) -> Option<(u8, &[u8])> {
 /// Length of the reply frame that begins with `head`, from function code and byte count.
 #[must_use]
 pub fn reply_adu_bytes(head: &[u8]) -> ReplyLength {
-    let Some(&code) = head.get(1) else { return ReplyLength::NotYetKnown };
+    let Some(&code) = head.get(1) else {
+        return ReplyLength::NotYetKnown;
+    };
     match code {
         0x01..=0x04 | 0x17 => match head.get(2) {
             Some(&count) => ReplyLength::Known(OVERHEAD_BYTES + 2 + usize::from(count)),
             None => ReplyLength::NotYetKnown,
         },
-        0x05 | 0x06 | function::DIAGNOSTICS | 0x0F | function::WRITE_MULTIPLE => ReplyLength::Known(8),
+        0x05 | 0x06 | function::DIAGNOSTICS | 0x0F | function::WRITE_MULTIPLE => {
+            ReplyLength::Known(8)
+        }
         0x16 => ReplyLength::Known(10),
         _ if code & function::EXCEPTION_BIT != 0 => ReplyLength::Known(EXCEPTION_ADU_BYTES),
         _ => ReplyLength::OnlySilenceTells,
@@ -97,12 +101,18 @@ pub fn find_certain(bytes: &[u8], expected: &Expected, is_over: bool) -> Option<
         ReplyLength::Known(length) if length <= MAX_ADU_BYTES => Some(0..length),
         _ => None,
     };
-    let as_expected =
-        (0..bytes.len()).filter_map(|start| Some(start..start + adu_bytes_at(expected, &bytes[start..])?));
+    let as_expected = (0..bytes.len())
+        .filter_map(|start| Some(start..start + adu_bytes_at(expected, &bytes[start..])?));
     let is_sound = |place: &Range<usize>| bytes.get(place.clone()).is_some_and(crc::is_sound);
-    for place in by_its_own_length.into_iter().chain(as_expected).filter(is_sound) {
+    for place in by_its_own_length
+        .into_iter()
+        .chain(as_expected)
+        .filter(is_sound)
+    {
         let is_last = place.end == bytes.len();
-        if (is_last && is_over) || !(place.start + 1..place.end).any(|start| may_begin(&bytes[start..], expected)) {
+        if (is_last && is_over)
+            || !(place.start + 1..place.end).any(|start| may_begin(&bytes[start..], expected))
+        {
             return Some(place);
         }
         if is_last {
@@ -129,14 +139,25 @@ pub fn find_any(bytes: &[u8]) -> Option<Range<usize>> {
 #[must_use]
 pub fn find_read_request(bytes: &[u8]) -> Option<Range<usize>> {
     find_by(bytes, |head| match *head {
-        [_, function::READ_COILS..=function::READ_INPUT, _, _, 0, 1..=125, ..] => [Some(REQUEST_ADU_BYTES), None],
+        [
+            _,
+            function::READ_COILS..=function::READ_INPUT,
+            _,
+            _,
+            0,
+            1..=125,
+            ..,
+        ] => [Some(REQUEST_ADU_BYTES), None],
         _ => [None, None],
     })
 }
 
 fn find_by(bytes: &[u8], lengths: impl Fn(&[u8]) -> [Option<usize>; 2]) -> Option<Range<usize>> {
     (0..bytes.len()).find_map(|start| {
-        let places = lengths(&bytes[start..]).into_iter().flatten().map(|length| start..start + length);
+        let places = lengths(&bytes[start..])
+            .into_iter()
+            .flatten()
+            .map(|length| start..start + length);
         places
             .filter(|place| place.len() <= MAX_ADU_BYTES)
             .find(|place| bytes.get(place.clone()).is_some_and(crc::is_sound))
@@ -147,7 +168,9 @@ fn find_by(bytes: &[u8], lengths: impl Fn(&[u8]) -> [Option<usize>; 2]) -> Optio
 fn request_adu_bytes(head: &[u8]) -> Option<usize> {
     match (head.get(1)?, head.get(6)) {
         (0x01..=0x06 | &function::DIAGNOSTICS, _) => Some(REQUEST_ADU_BYTES),
-        (&function::WRITE_COILS | &function::WRITE_MULTIPLE, Some(bytes)) => Some(9 + usize::from(*bytes)),
+        (&function::WRITE_COILS | &function::WRITE_MULTIPLE, Some(bytes)) => {
+            Some(9 + usize::from(*bytes))
+        }
         _ => None,
     }
 }
@@ -156,7 +179,11 @@ fn request_adu_bytes(head: &[u8]) -> Option<usize> {
 fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
     let head = [expected.station, expected.function];
     let has_count = (0x01..=0x04).contains(&expected.function);
-    let data = if has_count { expected.adu_bytes.checked_sub(OVERHEAD_BYTES + 2) } else { None };
+    let data = if has_count {
+        expected.adu_bytes.checked_sub(OVERHEAD_BYTES + 2)
+    } else {
+        None
+    };
     let is_like = |head: &[u8], length: usize| {
         let known = bytes.len().min(head.len());
         let is_whole = bytes.len() >= length;
@@ -164,7 +191,11 @@ fn may_begin(bytes: &[u8], expected: &Expected) -> bool {
     };
     let count = data.and_then(|data| u8::try_from(data).ok());
     let normal: Vec<u8> = head.into_iter().chain(count).collect();
-    is_like(&normal, expected.adu_bytes) || is_like(&[head[0], head[1] | function::EXCEPTION_BIT], EXCEPTION_ADU_BYTES)
+    is_like(&normal, expected.adu_bytes)
+        || is_like(
+            &[head[0], head[1] | function::EXCEPTION_BIT],
+            EXCEPTION_ADU_BYTES,
+        )
 }
 
 /// Whether `bytes` begin like the expected reply or its exception and have the same length. If no frame in them is
@@ -176,7 +207,9 @@ pub fn holds_damaged(bytes: &[u8], expected: &Expected) -> bool {
 
 /// Length of the frame at the start of `bytes` if that could be the expected reply or its exception.
 fn adu_bytes_at(expected: &Expected, bytes: &[u8]) -> Option<usize> {
-    let [station, code, ..] = *bytes else { return None };
+    let [station, code, ..] = *bytes else {
+        return None;
+    };
     match code {
         _ if station != expected.station => None,
         _ if code == expected.function => Some(expected.adu_bytes),
@@ -192,7 +225,11 @@ mod tests {
     use crate::wire::frame::FoundFrame;
     use crate::wire::framing::Assembler;
 
-    const EXPECTED: Expected = Expected { station: 1, function: 3, adu_bytes: 7 };
+    const EXPECTED: Expected = Expected {
+        station: 1,
+        function: 3,
+        adu_bytes: 7,
+    };
     const REPLY: [u8; 7] = [0x01, 0x03, 0x02, 0x17, 0x70, 0xB6, 0x50];
 
     #[test]
@@ -203,7 +240,13 @@ mod tests {
             assert_eq!(assembler.take(Some(&EXPECTED)), None);
         }
         assembler.push(&REPLY[6..]);
-        assert_eq!(assembler.take(Some(&EXPECTED)), Some(FoundFrame { noise: vec![], adu: REPLY.to_vec() }));
+        assert_eq!(
+            assembler.take(Some(&EXPECTED)),
+            Some(FoundFrame {
+                noise: vec![],
+                adu: REPLY.to_vec()
+            })
+        );
         assert!(assembler.is_empty());
     }
 
@@ -246,7 +289,10 @@ mod tests {
         for cut in 0..read.len() {
             assert_eq!(find_any(&read[..cut]), None, "{cut}");
         }
-        assert_eq!(find_read_request(&[&[0x55], &read[..]].concat()), Some(1..9));
+        assert_eq!(
+            find_read_request(&[&[0x55], &read[..]].concat()),
+            Some(1..9)
+        );
         assert_eq!(find_read_request(&frames[1..].concat()), None);
     }
 
@@ -254,7 +300,9 @@ mod tests {
     fn nothing_longer_than_the_longest_frame_is_one() {
         for (count, is_frame) in [(251_u8, true), (252, false), (255, false)] {
             let mut adu = Vec::new();
-            encode(&mut adu, 1, |out| out.extend([3, count].into_iter().chain((0..count).map(|_| 0x11))));
+            encode(&mut adu, 1, |out| {
+                out.extend([3, count].into_iter().chain((0..count).map(|_| 0x11)))
+            });
             let mut assembler = Assembler::new(Framing::Rtu);
             assembler.push(&adu);
             assert_eq!(assembler.take(None).is_some(), is_frame, "{count}");

@@ -78,7 +78,10 @@ impl Word {
                 (u16::from_be_bytes([station.0, order]), ORDER_WORDS)
             }
         };
-        Request::Read { address: Address::holding(number), count }
+        Request::Read {
+            address: Address::holding(number),
+            count,
+        }
     }
 
     /// What the frame for `station` with `pdu` tells, if it is of this kind.
@@ -88,8 +91,12 @@ impl Word {
         match (count, number.to_be_bytes()) {
             (DIGEST_WORDS, _) => Some(Self::Digest(number)),
             (ORDER_WORDS, [station, 0]) => Some(Self::Order(Station(station), None)),
-            (ORDER_WORDS, [station, 1]) => Some(Self::Order(Station(station), Some(Direction::Forward))),
-            (ORDER_WORDS, [station, 2]) => Some(Self::Order(Station(station), Some(Direction::Reverse))),
+            (ORDER_WORDS, [station, 1]) => {
+                Some(Self::Order(Station(station), Some(Direction::Forward)))
+            }
+            (ORDER_WORDS, [station, 2]) => {
+                Some(Self::Order(Station(station), Some(Direction::Reverse)))
+            }
             _ => None,
         }
     }
@@ -136,7 +143,10 @@ impl Signal {
 
 /// The address and the number of words of a read from the station of signals.
 fn read_of_signal(station: Station, pdu: &[u8]) -> Option<(u16, u16)> {
-    let Request::Read { address, count } = Request::decode(pdu).filter(|_| station == STATION)? else { return None };
+    let Request::Read { address, count } = Request::decode(pdu).filter(|_| station == STATION)?
+    else {
+        return None;
+    };
     (address.table() == Table::Holding).then(|| (address.number(), count))
 }
 
@@ -146,13 +156,23 @@ mod tests {
 
     #[test]
     fn a_signal_is_what_it_was_and_nothing_else_is_one() {
-        for kind in
-            [SignalKind::Active, SignalKind::HandOver, SignalKind::Question, SignalKind::Listening, SignalKind::Differs]
-        {
-            let signal = Signal { kind, sender: 0xBEEF };
+        for kind in [
+            SignalKind::Active,
+            SignalKind::HandOver,
+            SignalKind::Question,
+            SignalKind::Listening,
+            SignalKind::Differs,
+        ] {
+            let signal = Signal {
+                kind,
+                sender: 0xBEEF,
+            };
             let mut pdu = Vec::new();
             signal.request().encode(&mut pdu);
-            assert_eq!((pdu.len(), Signal::decode(STATION, &pdu)), (PDU_BYTES, Some(signal)));
+            assert_eq!(
+                (pdu.len(), Signal::decode(STATION, &pdu)),
+                (PDU_BYTES, Some(signal))
+            );
             assert_eq!(Signal::decode(Station(1), &pdu), None);
             for (place, value) in [(0, 4), (3, 1), (4, 1)] {
                 let mut other = pdu.clone();
@@ -172,8 +192,17 @@ mod tests {
         ] {
             let mut pdu = Vec::new();
             word.request().encode(&mut pdu);
-            assert_eq!((pdu.len(), Word::decode(STATION, &pdu)), (PDU_BYTES, Some(word)));
-            assert_eq!((Word::decode(Station(1), &pdu), Signal::decode(STATION, &pdu)), (None, None));
+            assert_eq!(
+                (pdu.len(), Word::decode(STATION, &pdu)),
+                (PDU_BYTES, Some(word))
+            );
+            assert_eq!(
+                (
+                    Word::decode(Station(1), &pdu),
+                    Signal::decode(STATION, &pdu)
+                ),
+                (None, None)
+            );
         }
     }
 }

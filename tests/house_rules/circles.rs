@@ -16,8 +16,16 @@ pub struct Uses<'s> {
 
 impl<'s> Uses<'s> {
     pub fn of(sources: &'s [Source]) -> Self {
-        let files = sources.iter().enumerate().map(|(at, source)| (source.modules(), at)).collect();
-        let mut uses = Self { sources, files, used: Vec::new() };
+        let files = sources
+            .iter()
+            .enumerate()
+            .map(|(at, source)| (source.modules(), at))
+            .collect();
+        let mut uses = Self {
+            sources,
+            files,
+            used: Vec::new(),
+        };
         uses.used = (0..sources.len()).map(|file| uses.used_by(file)).collect();
         uses
     }
@@ -26,9 +34,17 @@ impl<'s> Uses<'s> {
         let source = &self.sources[file];
         let mut used = BTreeMap::new();
         // What a folder's file only hands on, it does not use.
-        for (_, path) in source.paths.iter().filter(|(_, path)| !source.exports.contains(path)) {
-            if let Some(other) = self.file_of(file, path, EXPORTS_MAX).filter(|other| *other != file) {
-                used.entry(other).or_insert_with(|| path.last().cloned().unwrap_or_default());
+        for (_, path) in source
+            .paths
+            .iter()
+            .filter(|(_, path)| !source.exports.contains(path))
+        {
+            if let Some(other) = self
+                .file_of(file, path, EXPORTS_MAX)
+                .filter(|other| *other != file)
+            {
+                used.entry(other)
+                    .or_insert_with(|| path.last().cloned().unwrap_or_default());
             }
         }
         used
@@ -60,9 +76,16 @@ impl<'s> Uses<'s> {
             }
         };
         let (found, rest) = self.descend(&module, rest)?;
-        let Some(name) = rest.first().filter(|_| exports > 0) else { return Some(found) };
-        let export = self.sources[found].exports.iter().find(|export| export.last() == Some(name));
-        export.and_then(|export| self.file_of(found, export, exports - 1)).or(Some(found))
+        let Some(name) = rest.first().filter(|_| exports > 0) else {
+            return Some(found);
+        };
+        let export = self.sources[found]
+            .exports
+            .iter()
+            .find(|export| export.last() == Some(name));
+        export
+            .and_then(|export| self.file_of(found, export, exports - 1))
+            .or(Some(found))
     }
 
     /// The file that is the longest beginning of `path` below `module`, and what is left of the path.
@@ -71,7 +94,9 @@ impl<'s> Uses<'s> {
         let mut found = self.files.get(&module).map(|file| (*file, path));
         for (at, part) in path.iter().enumerate() {
             module.push(part);
-            let Some(file) = self.files.get(&module) else { break };
+            let Some(file) = self.files.get(&module) else {
+                break;
+            };
             found = Some((*file, &path[at + 1..]));
         }
         found
@@ -81,19 +106,28 @@ impl<'s> Uses<'s> {
         let mut reached = BTreeSet::new();
         let mut open = vec![file];
         while let Some(file) = open.pop() {
-            open.extend(self.used[file].keys().filter(|other| reached.insert(**other)));
+            open.extend(
+                self.used[file]
+                    .keys()
+                    .filter(|other| reached.insert(**other)),
+            );
         }
         reached
     }
 
     /// The circles of more than `most` files, each with its arrows.
     pub fn circles(&self, most: usize) -> Vec<String> {
-        let reached: Vec<_> = (0..self.sources.len()).map(|file| self.reached_from(file)).collect();
+        let reached: Vec<_> = (0..self.sources.len())
+            .map(|file| self.reached_from(file))
+            .collect();
         let mut seen = BTreeSet::new();
         let mut circles = Vec::new();
         for file in 0..self.sources.len() {
-            let circle: BTreeSet<_> =
-                reached[file].iter().filter(|it| reached[**it].contains(&file)).copied().collect();
+            let circle: BTreeSet<_> = reached[file]
+                .iter()
+                .filter(|it| reached[**it].contains(&file))
+                .copied()
+                .collect();
             if circle.len() > most && seen.insert(circle.clone()) {
                 circles.push(self.described(&circle));
             }
@@ -104,10 +138,16 @@ impl<'s> Uses<'s> {
     fn described(&self, circle: &BTreeSet<usize>) -> String {
         let name = |file: usize| &self.sources[file].path;
         let arrows = circle.iter().flat_map(|file| {
-            let others = self.used[*file].iter().filter(|(other, _)| circle.contains(other));
+            let others = self.used[*file]
+                .iter()
+                .filter(|(other, _)| circle.contains(other));
             others.map(|(other, used)| format!("\n  {} -> {}: {used}", name(*file), name(*other)))
         });
-        format!("a circle of {} files:{}", circle.len(), arrows.collect::<String>())
+        format!(
+            "a circle of {} files:{}",
+            circle.len(),
+            arrows.collect::<String>()
+        )
     }
 }
 
@@ -117,14 +157,19 @@ fn circles_are_found_through_re_exports() {
         Source::new("src/a/mod.rs", "pub use one::One;\npub use two::Two;"),
         Source::new("src/a/one.rs", "use super::Two;"),
         Source::new("src/a/two.rs", "use crate::b::Three;"),
-        Source::new("src/b.rs", "fn f(x: crate::a::One) {}\n#[cfg(test)]\nuse crate::a::Four;"),
+        Source::new(
+            "src/b.rs",
+            "fn f(x: crate::a::One) {}\n#[cfg(test)]\nuse crate::a::Four;",
+        ),
         Source::new("src/c.rs", "use crate::b;"),
     ];
     let uses = Uses::of(&sources);
     assert_eq!(
         uses.circles(2),
-        ["a circle of 3 files:\n  src/a/one.rs -> src/a/two.rs: Two\n  src/a/two.rs -> src/b.rs: Three\n  \
-          src/b.rs -> src/a/one.rs: One"]
+        [
+            "a circle of 3 files:\n  src/a/one.rs -> src/a/two.rs: Two\n  src/a/two.rs -> src/b.rs: Three\n  \
+          src/b.rs -> src/a/one.rs: One"
+        ]
     );
     assert_eq!(uses.circles(3), [""; 0]);
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 /// What begins an item: a comma does not end it.
 const ITEMS: [&str; 15] = [
-    "pub", "fn", "mod", "use", "impl", "struct", "enum", "const", "static", "type", "trait", "unsafe", "async",
-    "extern", "let",
+    "pub", "fn", "mod", "use", "impl", "struct", "enum", "const", "static", "type", "trait",
+    "unsafe", "async", "extern", "let",
 ];
 
 /// A file and the views of it that the rules need.
@@ -27,7 +27,9 @@ pub struct Source {
 
 impl Source {
     pub fn new(path: &str, text: &str) -> Self {
-        let tokens: TokenStream = text.parse().unwrap_or_else(|error| panic!("{path}: {error}"));
+        let tokens: TokenStream = text
+            .parse()
+            .unwrap_or_else(|error| panic!("{path}: {error}"));
         let mut reader = Reader::default();
         reader.read(&trees(tokens), false);
         let mut source = Self {
@@ -59,7 +61,11 @@ impl Source {
     pub fn modules(&self) -> Vec<&str> {
         let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
         let modules: Vec<_> = path.split('/').filter(|part| *part != "mod").collect();
-        if modules == ["lib"] { Vec::new() } else { modules }
+        if modules == ["lib"] {
+            Vec::new()
+        } else {
+            modules
+        }
     }
 
     pub fn room(&self) -> &str {
@@ -88,7 +94,9 @@ impl Reader {
         while at < trees.len() {
             let rest = &trees[at..];
             at += match rest {
-                [mark, TokenTree::Group(group), ..] if is_punct(mark, '#') && is_cfg_test(group) => {
+                [mark, TokenTree::Group(group), ..]
+                    if is_punct(mark, '#') && is_cfg_test(group) =>
+                {
                     self.read_test(rest, in_test)
                 }
                 [mark, bang, TokenTree::Group(group), ..]
@@ -98,8 +106,11 @@ impl Reader {
                     3
                 }
                 // A declaration uses nothing.
-                [TokenTree::Ident(word), TokenTree::Ident(name), end, ..] if word == "mod" && is_punct(end, ';') => {
-                    self.words.push((name.span().start().line, name.to_string()));
+                [TokenTree::Ident(word), TokenTree::Ident(name), end, ..]
+                    if word == "mod" && is_punct(end, ';') =>
+                {
+                    self.words
+                        .push((name.span().start().line, name.to_string()));
                     3
                 }
                 [TokenTree::Ident(_), ..] => {
@@ -120,7 +131,8 @@ impl Reader {
         let count = 2 + item(&trees[2..]);
         let last = &trees[count - 1];
         if !in_test {
-            self.tests.push(trees[0].span().byte_range().start..last.span().byte_range().end);
+            self.tests
+                .push(trees[0].span().byte_range().start..last.span().byte_range().end);
         }
         let words: Vec<_> = trees[2..count].iter().map(ToString::to_string).collect();
         if let [.., keyword, name, end] = &words[..]
@@ -133,8 +145,16 @@ impl Reader {
     }
 
     /// Reads the path that `trees` begins with and that continues `before`; returns how many trees that is.
-    fn read_path(&mut self, trees: &[TokenTree], before: &[String], in_test: bool, exports: bool) -> usize {
-        let TokenTree::Ident(word) = &trees[0] else { return 1 };
+    fn read_path(
+        &mut self,
+        trees: &[TokenTree],
+        before: &[String],
+        in_test: bool,
+        exports: bool,
+    ) -> usize {
+        let TokenTree::Ident(word) = &trees[0] else {
+            return 1;
+        };
         let line = word.span().start().line;
         self.words.push((line, word.to_string()));
         let mut parts = before.to_vec();
@@ -184,13 +204,16 @@ fn is_path_sign(one: &TokenTree, two: &TokenTree) -> bool {
 }
 
 fn is_cfg_test(group: &Group) -> bool {
-    group.delimiter() == Delimiter::Bracket && group.stream().to_string().replace(' ', "") == "cfg(test)"
+    group.delimiter() == Delimiter::Bracket
+        && group.stream().to_string().replace(' ', "") == "cfg(test)"
 }
 
 /// Whether what follows is re-exported: `pub use`, `pub(crate) use`.
 fn is_export(before: &[TokenTree]) -> bool {
     match before {
-        [.., visibility, TokenTree::Group(_), word] | [.., visibility, word] if word.to_string() == "use" => {
+        [.., visibility, TokenTree::Group(_), word] | [.., visibility, word]
+            if word.to_string() == "use" =>
+        {
             visibility.to_string() == "pub"
         }
         _ => false,
@@ -200,13 +223,19 @@ fn is_export(before: &[TokenTree]) -> bool {
 /// How many trees the item, variant or match arm has that `trees` begins with, its attributes included.
 fn item(trees: &[TokenTree]) -> usize {
     let is_attribute = |at: &usize| is_punct(&trees[*at], '#');
-    let begin = (0..trees.len()).step_by(2).find(|at| !is_attribute(at)).unwrap_or(trees.len());
-    let is_item = trees.get(begin).is_some_and(|tree| ITEMS.contains(&tree.to_string().as_str()));
+    let begin = (0..trees.len())
+        .step_by(2)
+        .find(|at| !is_attribute(at))
+        .unwrap_or(trees.len());
+    let is_item = trees
+        .get(begin)
+        .is_some_and(|tree| ITEMS.contains(&tree.to_string().as_str()));
     for (at, tree) in trees.iter().enumerate().skip(begin) {
         let ends = match tree {
             // A pattern with braces is followed by `=>`.
             TokenTree::Group(group) => {
-                group.delimiter() == Delimiter::Brace && !trees.get(at + 1).is_some_and(|next| is_punct(next, '='))
+                group.delimiter() == Delimiter::Brace
+                    && !trees.get(at + 1).is_some_and(|next| is_punct(next, '='))
             }
             _ => is_punct(tree, ';') || (is_punct(tree, ',') && !is_item),
         };
@@ -219,23 +248,58 @@ fn item(trees: &[TokenTree]) -> usize {
 
 /// `text` with spaces in `span`, and its line breaks kept.
 fn blanked(text: &str, span: Range<usize>) -> String {
-    let blank = text[span.clone()].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' });
-    format!("{}{}{}", &text[..span.start], blank.collect::<String>(), &text[span.end..])
+    let blank = text[span.clone()]
+        .bytes()
+        .map(|byte| if byte == b'\n' { '\n' } else { ' ' });
+    format!(
+        "{}{}{}",
+        &text[..span.start],
+        blank.collect::<String>(),
+        &text[span.end..]
+    )
 }
 
 #[test]
 fn the_reader_of_sources_is_not_fooled() {
-    let code = |text: &str| Source::new("src/a.rs", text).shipped.split_whitespace().collect::<String>();
+    let code = |text: &str| {
+        Source::new("src/a.rs", text)
+            .shipped
+            .split_whitespace()
+            .collect::<String>()
+    };
     let arm = "match x {\n #[cfg(test)]\n (A, [v]) => Ok(B { c: 1 }),\n #[cfg(test)]\n B { c } => 1,\n _ => D,\n}";
     assert_eq!(code(arm), "matchx{_=>D,}");
-    assert_eq!(code("#[cfg(test)]\n#[allow(x)]\nfn f<A, B>(a: A, b: B) { c() }\nfn g() {}"), "fng(){}");
+    assert_eq!(
+        code("#[cfg(test)]\n#[allow(x)]\nfn f<A, B>(a: A, b: B) { c() }\nfn g() {}"),
+        "fng(){}"
+    );
     assert_eq!(code("#![cfg(test)]\nfn g() {}"), "");
     let modules = |text| Source::new("src/a.rs", text).test_modules;
     assert_eq!(modules("#[cfg(test)]\nmod tests;\nmod other;"), ["tests"]);
-    assert_eq!(modules("#[cfg(test)]\npub mod testing;\npub mod other;"), ["testing"]);
+    assert_eq!(
+        modules("#[cfg(test)]\npub mod testing;\npub mod other;"),
+        ["testing"]
+    );
     let text = "// x::y\nuse a::{b, c::{self, d}};\nlet s = \"u::v\"; e::f(g!(h::i, 'x'))";
-    let names: Vec<_> = Source::new("src/a.rs", text).paths.into_iter().map(|(_, path)| path.join("::")).collect();
-    assert_eq!(names, ["use", "a::b", "a::c::self", "a::c::d", "let", "s", "e::f", "g", "h::i"]);
+    let names: Vec<_> = Source::new("src/a.rs", text)
+        .paths
+        .into_iter()
+        .map(|(_, path)| path.join("::"))
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "use",
+            "a::b",
+            "a::c::self",
+            "a::c::d",
+            "let",
+            "s",
+            "e::f",
+            "g",
+            "h::i"
+        ]
+    );
     let exports: Vec<_> = Source::new("src/a.rs", "pub(super) use a::{b, c};\nuse d::e;").exports;
     assert_eq!(exports, [["a", "b"], ["a", "c"]]);
 }

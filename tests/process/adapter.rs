@@ -29,7 +29,10 @@ pub struct Adapter {
 impl Adapter {
     /// One that appears as `link`.
     pub fn new(link: &Path) -> Self {
-        Self { link: link.to_owned(), plugged: None }
+        Self {
+            link: link.to_owned(),
+            plugged: None,
+        }
     }
 
     /// Plugs it in: another device, under the same name, with the drive at station 1 behind it.
@@ -45,9 +48,15 @@ impl Adapter {
         let seen = Arc::clone(&is_out);
         let player = std::thread::spawn(move || {
             let end = AtomicBool::new(false);
-            let line = Pluggable { pty: &pty, is_out: &seen };
+            let line = Pluggable {
+                pty: &pty,
+                is_out: &seen,
+            };
             let played = simulator::play(line, &mut bus, &end, |_, _| {});
-            assert!(seen.load(Ordering::Relaxed), "the simulated line ended by itself: {played:?}");
+            assert!(
+                seen.load(Ordering::Relaxed),
+                "the simulated line ended by itself: {played:?}"
+            );
         });
         self.plugged = Some((is_out, player));
     }

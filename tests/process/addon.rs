@@ -34,10 +34,18 @@ fn supervisor(broker: SocketAddr, password: &str) -> SocketAddr {
             let mut head = [0; 2048];
             let length = stream.read(&mut head).unwrap_or(0);
             let head = String::from_utf8_lossy(&head[..length]).into_owned();
-            let is_right = head.starts_with("GET /services/mqtt ") && head.contains(&format!("Bearer {TOKEN}"));
-            let (status, body) = if is_right { ("200 OK", data.to_string()) } else { ("403 Forbidden", String::new()) };
+            let is_right = head.starts_with("GET /services/mqtt ")
+                && head.contains(&format!("Bearer {TOKEN}"));
+            let (status, body) = if is_right {
+                ("200 OK", data.to_string())
+            } else {
+                ("403 Forbidden", String::new())
+            };
             let length = body.len();
-            let _ = write!(stream, "HTTP/1.1 {status}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}");
+            let _ = write!(
+                stream,
+                "HTTP/1.1 {status}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+            );
         }
     });
     address
@@ -46,12 +54,22 @@ fn supervisor(broker: SocketAddr, password: &str) -> SocketAddr {
 /// The run script with these options, as the Supervisor starts it.
 fn run(place: &Place, supervisor: SocketAddr, token: &str, options: &Value) -> Started {
     place.write("options.json", &options.to_string());
-    let program = Path::new(env!("CARGO_BIN_EXE_vfd-gateway")).parent().unwrap();
+    let program = Path::new(env!("CARGO_BIN_EXE_vfd-gateway"))
+        .parent()
+        .unwrap();
     let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
     let mut command = Command::new("sh");
-    command.arg(directory().join("run.sh")).env("PATH", path).env("DATA", place.file(""));
-    command.env("OWN_CONFIGURATIONS", place.file("")).env("SUPERVISOR", format!("http://{supervisor}"));
-    command.env("SUPERVISOR_TOKEN", token).env("INGRESS_PORT", free_port().to_string()).env("RUST_LOG", "info");
+    command
+        .arg(directory().join("run.sh"))
+        .env("PATH", path)
+        .env("DATA", place.file(""));
+    command
+        .env("OWN_CONFIGURATIONS", place.file(""))
+        .env("SUPERVISOR", format!("http://{supervisor}"));
+    command
+        .env("SUPERVISOR_TOKEN", token)
+        .env("INGRESS_PORT", free_port().to_string())
+        .env("RUST_LOG", "info");
     Started::new(command)
 }
 
@@ -83,7 +101,10 @@ fn its_options_and_the_broker_of_the_supervisor_make_a_gateway_that_announces_th
     let configuration = std::fs::read_to_string(place.file("vfd-gateway.toml")).unwrap();
     assert!(!configuration.contains(PASSWORD), "{configuration}");
     let password = place.file("mqtt-password");
-    assert_eq!(std::fs::read_to_string(&password).unwrap(), format!("{PASSWORD}\n"));
+    assert_eq!(
+        std::fs::read_to_string(&password).unwrap(),
+        format!("{PASSWORD}\n")
+    );
     let mode = std::os::unix::fs::PermissionsExt::mode(&password.metadata().unwrap().permissions());
     assert_eq!(mode & 0o077, 0, "{mode:o}");
     gateway.terminate();
@@ -98,12 +119,21 @@ fn what_is_missing_is_said_and_a_file_of_ones_own_stands_for_all() {
     let says = |token: &str, options: &Value, what: &str| {
         let mut script = run(&place, supervisor, token, options);
         let status = script.end_within(PATIENCE);
-        until("all of it is read", PATIENCE, || script.is_silent().then_some(()));
-        assert!(!status.success() && script.text().contains(what), "{}", script.text());
+        until("all of it is read", PATIENCE, || {
+            script.is_silent().then_some(())
+        });
+        assert!(
+            !status.success() && script.text().contains(what),
+            "{}",
+            script.text()
+        );
     };
     says("wrong", &options(&place), "knows no MQTT broker");
     let mut unsaid = options(&place);
-    unsaid["drives"][0].as_object_mut().unwrap().remove("on_commander_lost");
+    unsaid["drives"][0]
+        .as_object_mut()
+        .unwrap()
+        .remove("on_commander_lost");
     says(TOKEN, &unsaid, "`on_commander_lost` is missing");
     let mut wanted = options(&place);
     wanted["own_configuration"] = "own.toml".into();
@@ -112,9 +142,14 @@ fn what_is_missing_is_said_and_a_file_of_ones_own_stands_for_all() {
     says(TOKEN, &wanted, "is not the name of a file");
     wanted["own_configuration"] = "own.toml".into();
     let line = "[[line]]\nname = \"own\"\nport = \"/dev/null\"\n[[line.drive]]\nname = \"p\"\nmodel = \"hyundai-n700\"\nstation = 1\n";
-    place.write("own.toml", &format!("{line}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"));
+    place.write(
+        "own.toml",
+        &format!("{line}[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n"),
+    );
     let gateway = run(&place, supervisor, TOKEN, &wanted);
-    gateway.wait_for("that it runs", |line| line.contains("running").then_some(()));
+    gateway.wait_for("that it runs", |line| {
+        line.contains("running").then_some(())
+    });
 }
 
 /// What the Supervisor requires of an add-on's description (developers.home-assistant.io, Add-on configuration).
@@ -126,11 +161,33 @@ fn its_description_holds_together() {
     }
     assert_eq!(it["version"], env!("CARGO_PKG_VERSION"));
     let architectures = ["armhf", "armv7", "aarch64", "amd64", "i386"];
-    assert!(it["arch"].as_array().unwrap().iter().all(|arch| architectures.contains(&arch.as_str().unwrap())));
-    assert!(["initialize", "system", "services", "application", "once"].contains(&it["startup"].as_str().unwrap()));
-    let keys = |of: &Value| of.as_object().unwrap().keys().cloned().collect::<BTreeSet<_>>();
-    assert_eq!(keys(&it["options"]), keys(&it["schema"]), "a key without `?` needs a value to begin with");
-    let types = ["str", "bool", "int", "float", "email", "url", "password", "port", "match(", "list(", "device"];
+    assert!(
+        it["arch"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|arch| architectures.contains(&arch.as_str().unwrap()))
+    );
+    assert!(
+        ["initialize", "system", "services", "application", "once"]
+            .contains(&it["startup"].as_str().unwrap())
+    );
+    let keys = |of: &Value| {
+        of.as_object()
+            .unwrap()
+            .keys()
+            .cloned()
+            .collect::<BTreeSet<_>>()
+    };
+    assert_eq!(
+        keys(&it["options"]),
+        keys(&it["schema"]),
+        "a key without `?` needs a value to begin with"
+    );
+    let types = [
+        "str", "bool", "int", "float", "email", "url", "password", "port", "match(", "list(",
+        "device",
+    ];
     let mut all = vec![&it["schema"]];
     while let Some(part) = all.pop() {
         match part {
@@ -143,14 +200,30 @@ fn its_description_holds_together() {
     for language in ["en", "de"] {
         let file = directory().join(format!("translations/{language}.yaml"));
         let translated = documents_of("yaml", &[file]).remove(0);
-        assert_eq!(keys(&translated["configuration"]), keys(&it["schema"]), "{language}");
-        assert_eq!(keys(&translated["network"]), keys(&it["ports"]), "{language}");
+        assert_eq!(
+            keys(&translated["configuration"]),
+            keys(&it["schema"]),
+            "{language}"
+        );
+        assert_eq!(
+            keys(&translated["network"]),
+            keys(&it["ports"]),
+            "{language}"
+        );
     }
     let listens = format!("INGRESS_PORT:-{}}}", it["ingress_port"]);
-    assert!(text_of("deploy/home-assistant-addon/run.sh").contains(&listens), "the proxy asks at {listens}");
+    assert!(
+        text_of("deploy/home-assistant-addon/run.sh").contains(&listens),
+        "the proxy asks at {listens}"
+    );
     let image = text_of("deploy/home-assistant-addon/Dockerfile");
-    assert!(image.contains("--no-install-recommends") && image.contains("rm -rf /var/lib/apt/lists/*"));
-    assert!(!image.contains(":latest") && image.contains("pipefail"), "what hadolint asks for");
+    assert!(
+        image.contains("--no-install-recommends") && image.contains("rm -rf /var/lib/apt/lists/*")
+    );
+    assert!(
+        !image.contains(":latest") && image.contains("pipefail"),
+        "what hadolint asks for"
+    );
     let icon = std::fs::read(directory().join("icon.png")).unwrap();
     let size = |at: usize| u32::from_be_bytes(icon[at..at + 4].try_into().unwrap());
     assert_eq!((&icon[1..4], size(16), size(20)), (&b"PNG"[..], 128, 128));

@@ -61,7 +61,8 @@ impl Dialogue {
         self.line_time = self.line_time.max(begun.elapsed());
         let question = asked[self.seen..].to_owned();
         self.seen = asked.len();
-        self.questions.push(question.lines().last().unwrap_or_default().to_owned());
+        self.questions
+            .push(question.lines().last().unwrap_or_default().to_owned());
         Some(question)
     }
 
@@ -75,7 +76,10 @@ fn on_the_nameplate(question: &str) -> String {
     let (_, stations) = question.split_once("Station ").unwrap();
     let station: usize = stations.split([',', ' ']).next().unwrap().parse().unwrap();
     let id = format!("({})", MODELS[(station - 1) / 2]);
-    let row = question.lines().find(|line| line.ends_with(&id)).unwrap_or_else(|| panic!("no {id} in {question}"));
+    let row = question
+        .lines()
+        .find(|line| line.ends_with(&id))
+        .unwrap_or_else(|| panic!("no {id} in {question}"));
     row.trim().split(')').next().unwrap().to_owned()
 }
 
@@ -91,9 +95,18 @@ fn a_person_is_asked_little_and_home_assistant_sees_eight_drives() {
     command.args(["init", "--stations", "1-8", "--out", &out]);
     let command = Started::at_a_terminal(command, terminal(keyboard.path()));
     let (questions, line_time) = (Vec::new(), Duration::ZERO);
-    let mut person = Dialogue { command, keyboard, seen: 0, questions, line_time };
+    let mut person = Dialogue {
+        command,
+        keyboard,
+        seen: 0,
+        questions,
+        line_time,
+    };
     while let Some(question) = person.question() {
-        let known = ANSWERS.iter().find(|(part, _)| question.contains(part)).map(|(_, answer)| *answer);
+        let known = ANSWERS
+            .iter()
+            .find(|(part, _)| question.contains(part))
+            .map(|(_, answer)| *answer);
         person.answer(&match known {
             Some("BROKER") => format!("mqtt://{}", broker.address()),
             Some("DATA") => data.clone(),
@@ -103,26 +116,47 @@ fn a_person_is_asked_little_and_home_assistant_sees_eight_drives() {
             None => panic!("no answer is listed for {question}"),
         });
     }
-    assert!(person.command.end_within(PATIENCE).success(), "{}", person.command.text());
+    assert!(
+        person.command.end_within(PATIENCE).success(),
+        "{}",
+        person.command.text()
+    );
     let answers = person.questions.len();
-    println!("{answers} answers, {:.0} s on the line: {:#?}", person.line_time.as_secs_f64(), person.questions);
-    assert!(answers <= ANSWERS_MAX, "{answers} answers: {:#?}", person.questions);
+    println!(
+        "{answers} answers, {:.0} s on the line: {:#?}",
+        person.line_time.as_secs_f64(),
+        person.questions
+    );
+    assert!(
+        answers <= ANSWERS_MAX,
+        "{answers} answers: {:#?}",
+        person.questions
+    );
 
     let written = std::fs::read_to_string(&out).unwrap();
-    assert!(written.contains("baud = 9600\nparity = \"none\"\nstop_bits = 1\n"), "{written}");
+    assert!(
+        written.contains("baud = 9600\nparity = \"none\"\nstop_bits = 1\n"),
+        "{written}"
+    );
     assert_says(&vfd_gateway(&["check", "-c", &out]), 0, &["line-1"]);
     let announced = Subscriber::new(&broker, "mqttv5", "homeassistant/#");
     let values = Subscriber::new(&broker, "mqttv5", "vfd/#");
     let _gateway = start(&["run", "-c", &out]);
     for name in NAMES {
         values.wait_for_payload(&format!("/drive/{name}/availability"), "online");
-        values.wait_for(&format!("/drive/{name}/frequency/output"), |it| it.payload.parse::<f64>().ok());
+        values.wait_for(&format!("/drive/{name}/frequency/output"), |it| {
+            it.payload.parse::<f64>().ok()
+        });
     }
     let devices = || {
         let documents = announced.on("/config").into_iter();
         let documents = documents.filter_map(|it| serde_json::from_str::<Value>(&it.payload).ok());
         let names = documents.filter_map(|it| it["device"]["name"].as_str().map(str::to_owned));
-        names.filter(|name| NAMES.contains(&name.as_str())).collect::<BTreeSet<_>>()
+        names
+            .filter(|name| NAMES.contains(&name.as_str()))
+            .collect::<BTreeSet<_>>()
     };
-    until("eight devices are announced", PATIENCE, || (devices().len() == NAMES.len()).then_some(()));
+    until("eight devices are announced", PATIENCE, || {
+        (devices().len() == NAMES.len()).then_some(())
+    });
 }

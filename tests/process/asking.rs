@@ -40,7 +40,10 @@ fn out(output: &Output) -> String {
 
 /// The exit code, and what was said about it.
 fn failure(output: &Output) -> (Option<i32>, String) {
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    (
+        output.status.code(),
+        String::from_utf8_lossy(&output.stderr).into_owned(),
+    )
 }
 
 #[track_caller]
@@ -60,17 +63,40 @@ fn read_prints_registers_in_decimal_and_hexadecimal() {
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     let address = gateway.address;
-    assert_eq!(out(&ask("read", address, "1", &["0x0211"])), "0x0211      3  0x0003\n");
+    assert_eq!(
+        out(&ask("read", address, "1", &["0x0211"])),
+        "0x0211      3  0x0003\n"
+    );
     assert_eq!(
         out(&ask("read", address, "1", &["529", "--count", "2"])),
         "0x0211      3  0x0003\n0x0212      3  0x0003\n"
     );
-    let json: Value = serde_json::from_str(&out(&ask("read", address, "1", &["529", "--json"]))).unwrap();
-    assert_eq!(json, json!({ "unit": 1, "values": [{ "address": 529, "raw": 3 }] }));
-    assert_fails(&ask("read", address, "9", &["529"]), 1, &["no such unit", "exception 0A"]);
-    assert_fails(&ask("read", address, "1", &["0xFFFF", "--count", "2"]), 2, &["pass the last one"]);
-    assert_fails(&ask("read", address, "1", &["output_frequency"]), 2, &["add --uniform"]);
-    assert_fails(&ask("read", address, "101", &["setpiont", "--uniform"]), 2, &["did you mean setpoint?"]);
+    let json: Value =
+        serde_json::from_str(&out(&ask("read", address, "1", &["529", "--json"]))).unwrap();
+    assert_eq!(
+        json,
+        json!({ "unit": 1, "values": [{ "address": 529, "raw": 3 }] })
+    );
+    assert_fails(
+        &ask("read", address, "9", &["529"]),
+        1,
+        &["no such unit", "exception 0A"],
+    );
+    assert_fails(
+        &ask("read", address, "1", &["0xFFFF", "--count", "2"]),
+        2,
+        &["pass the last one"],
+    );
+    assert_fails(
+        &ask("read", address, "1", &["output_frequency"]),
+        2,
+        &["add --uniform"],
+    );
+    assert_fails(
+        &ask("read", address, "101", &["setpiont", "--uniform"]),
+        2,
+        &["did you mean setpoint?"],
+    );
     assert_fails(&ask("read", address, "1", &[]), 2, &["REGISTER"]);
     assert_fails(&vfd_gateway(&["read", "529"]), 2, &["--unit"]);
 }
@@ -83,10 +109,26 @@ fn a_write_that_is_refused_says_why_and_writes_nothing() {
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     let refused = ask("write", gateway.address, "1", &["0x0201", "5000"]);
-    assert_fails(&refused, 1, &["0x0201 5000", "never allowed", "exception 01"]);
-    assert_eq!(out(&ask("read", gateway.address, "1", &["0x0201"])), "0x0201      0  0x0000\n");
-    for wrong in [["0x0201", "70000"], ["F001", "1"], ["run", "backwards"], ["frequency", "42.505"]] {
-        assert_eq!(ask("write", gateway.address, "1", &wrong).status.code(), Some(2), "{wrong:?}");
+    assert_fails(
+        &refused,
+        1,
+        &["0x0201 5000", "never allowed", "exception 01"],
+    );
+    assert_eq!(
+        out(&ask("read", gateway.address, "1", &["0x0201"])),
+        "0x0201      0  0x0000\n"
+    );
+    for wrong in [
+        ["0x0201", "70000"],
+        ["F001", "1"],
+        ["run", "backwards"],
+        ["frequency", "42.505"],
+    ] {
+        assert_eq!(
+            ask("write", gateway.address, "1", &wrong).status.code(),
+            Some(2),
+            "{wrong:?}"
+        );
     }
 }
 
@@ -94,8 +136,16 @@ fn a_write_that_is_refused_says_why_and_writes_nothing() {
 fn who_does_not_listen_is_named() {
     // Not one that the system would give to whoever listens or connects next.
     let nobody = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
-    for (command, more) in [("read", &["1"][..]), ("write", &["60000", "7"]), ("watch", &["1"])] {
-        assert_fails(&ask(command, nobody, "1", more), 1, &["cannot connect", &nobody.to_string()]);
+    for (command, more) in [
+        ("read", &["1"][..]),
+        ("write", &["60000", "7"]),
+        ("watch", &["1"]),
+    ] {
+        assert_fails(
+            &ask(command, nobody, "1", more),
+            1,
+            &["cannot connect", &nobody.to_string()],
+        );
     }
 }
 
@@ -108,7 +158,12 @@ fn read_knows_the_names_of_a_uniform_unit() {
     assert_eq!(read("torque"), "torque  not available\n");
     let all = out(&ask("read", unit.address, "101", &["--uniform"]));
     assert_eq!(all.lines().count(), 4, "those that are there: {all}");
-    let json = out(&ask("read", unit.address, "101", &["--uniform", "--json", "output_frequency"]));
+    let json = out(&ask(
+        "read",
+        unit.address,
+        "101",
+        &["--uniform", "--json", "output_frequency"],
+    ));
     let json: Value = serde_json::from_str(&json).unwrap();
     let value = json!({ "address": 4, "raw": 4250, "name": "output_frequency", "value": 42.5, "unit": "Hz" });
     assert_eq!(json["values"], json!([value]));
@@ -117,11 +172,22 @@ fn read_knows_the_names_of_a_uniform_unit() {
 #[test]
 fn watch_prints_what_changes_and_ends_when_it_is_reported_to() {
     let unit = StandIn::new(&[(4, 0), (5, 5000)]);
-    let mut watch = begin("watch", unit.address, "101", &["--uniform", "--every", "20ms"]);
-    watch.wait_for("the first value", |line| line.contains("output_frequency  0.00 Hz").then_some(()));
-    watch.wait_for("the second value", |line| line.contains("setpoint  50.00 Hz").then_some(()));
+    let mut watch = begin(
+        "watch",
+        unit.address,
+        "101",
+        &["--uniform", "--every", "20ms"],
+    );
+    watch.wait_for("the first value", |line| {
+        line.contains("output_frequency  0.00 Hz").then_some(())
+    });
+    watch.wait_for("the second value", |line| {
+        line.contains("setpoint  50.00 Hz").then_some(())
+    });
     unit.set(4, 1250);
-    watch.wait_for("the change", |line| line.contains("output_frequency  12.50 Hz").then_some(()));
+    watch.wait_for("the change", |line| {
+        line.contains("output_frequency  12.50 Hz").then_some(())
+    });
     watch.terminate();
     assert_eq!(watch.end_within(Duration::from_secs(2)).code(), Some(0));
     assert_eq!(watch.text().lines().count(), 3, "{}", watch.text());
@@ -135,15 +201,32 @@ fn watch_goes_on_when_the_gateway_comes_back() {
     let _reserved = reserved(&port);
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
-    let mut watch = begin("watch", gateway.address, "1", &["0x0211", "--every", "20ms", "--all", "--json"]);
-    let value = |line: &str| serde_json::from_str::<Value>(line).ok().filter(|value| value["raw"] == 3).map(|_| ());
+    let mut watch = begin(
+        "watch",
+        gateway.address,
+        "1",
+        &["0x0211", "--every", "20ms", "--all", "--json"],
+    );
+    let value = |line: &str| {
+        serde_json::from_str::<Value>(line)
+            .ok()
+            .filter(|value| value["raw"] == 3)
+            .map(|_| ())
+    };
     watch.wait_for("a value", value);
     drop(drive);
-    watch.wait_for("that it fails", |line| line.contains("trying again").then_some(()));
+    watch.wait_for("that it fails", |line| {
+        line.contains("trying again").then_some(())
+    });
     let before = watch.text().lines().count();
     let _drive = simulate(&port);
     until("values come again", PATIENCE, || {
-        (watch.text().lines().skip(before).any(|it| value(it).is_some())).then_some(())
+        (watch
+            .text()
+            .lines()
+            .skip(before)
+            .any(|it| value(it).is_some()))
+        .then_some(())
     });
     watch.interrupt();
     assert_eq!(watch.end_within(Duration::from_secs(2)).code(), Some(0));
@@ -160,15 +243,36 @@ fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
     for signal in ["TERM", "INT", "HUP"] {
         let unit = StandIn::new(&[(RUN, 0), (LEFT, 1), (REASON, 0)]);
         let mut write = begin("write", unit.address, "101", &["run", "forward"]);
-        write.wait_for("that it stays", |line| line.contains("the lease is renewed").then_some(()));
+        write.wait_for("that it stays", |line| {
+            line.contains("the lease is renewed").then_some(())
+        });
         until("three renewals", PATIENCE, || {
-            (unit.written().iter().filter(|it| **it == (LEASE, 1)).count() >= 3).then_some(())
+            (unit
+                .written()
+                .iter()
+                .filter(|it| **it == (LEASE, 1))
+                .count()
+                >= 3)
+                .then_some(())
         });
         write.signal(signal);
-        assert_eq!(write.end_within(Duration::from_secs(2)).code(), Some(0), "{}", write.text());
-        assert!(write.text().contains("the stop is acknowledged"), "{}", write.text());
+        assert_eq!(
+            write.end_within(Duration::from_secs(2)).code(),
+            Some(0),
+            "{}",
+            write.text()
+        );
+        assert!(
+            write.text().contains("the stop is acknowledged"),
+            "{}",
+            write.text()
+        );
         let written = unit.written();
-        assert_eq!((written[0], written[written.len() - 1]), ((RUN, 1), (RUN, 0)), "{signal}: {written:?}");
+        assert_eq!(
+            (written[0], written[written.len() - 1]),
+            ((RUN, 1), (RUN, 0)),
+            "{signal}: {written:?}"
+        );
     }
 }
 
@@ -177,10 +281,22 @@ fn who_starts_a_drive_once_is_warned() {
     let unit = StandIn::new(&[(RUN, 0), (LEFT, 30), (REASON, 0)]);
     let output = ask("write", unit.address, "101", &["run", "reverse", "--once"]);
     assert_eq!(output.status.code(), Some(0));
-    assert!(failure(&output).1.contains("fail-safe"), "{}", failure(&output).1);
+    assert!(
+        failure(&output).1.contains("fail-safe"),
+        "{}",
+        failure(&output).1
+    );
     assert_eq!(unit.written(), [(RUN, 2)]);
-    assert!(ask("write", unit.address, "101", &["frequency", "42.5"]).status.success());
-    assert!(ask("write", unit.address, "101", &["run", "stop"]).status.success());
+    assert!(
+        ask("write", unit.address, "101", &["frequency", "42.5"])
+            .status
+            .success()
+    );
+    assert!(
+        ask("write", unit.address, "101", &["run", "stop"])
+            .status
+            .success()
+    );
     assert_eq!(unit.written()[1..], [(257, 4250), (RUN, 0)]);
 }
 
@@ -188,12 +304,26 @@ fn who_starts_a_drive_once_is_warned() {
 fn a_drive_that_another_party_stopped_is_let_go() {
     let unit = StandIn::new(&[(RUN, 0), (LEFT, 30), (REASON, 0)]);
     let mut write = begin("write", unit.address, "101", &["run", "forward"]);
-    write.wait_for("that it stays", |line| line.contains("the lease is renewed").then_some(()));
+    write.wait_for("that it stays", |line| {
+        line.contains("the lease is renewed").then_some(())
+    });
     unit.set(REASON, 29);
     unit.set(RUN, 0);
-    assert_eq!(write.end_within(PATIENCE).code(), Some(1), "{}", write.text());
-    assert!(write.text().contains("cancelled by a stop"), "{}", write.text());
-    assert!(!unit.written().contains(&(RUN, 0)), "it is not ours to stop any more");
+    assert_eq!(
+        write.end_within(PATIENCE).code(),
+        Some(1),
+        "{}",
+        write.text()
+    );
+    assert!(
+        write.text().contains("cancelled by a stop"),
+        "{}",
+        write.text()
+    );
+    assert!(
+        !unit.written().contains(&(RUN, 0)),
+        "it is not ours to stop any more"
+    );
 }
 
 #[test]
@@ -201,7 +331,16 @@ fn a_start_that_is_refused_says_the_gateways_reason() {
     let unit = StandIn::new(&[(RUN, 0), (LEFT, 0), (REASON, 12)]);
     unit.refuse(RUN, 6);
     let output = ask("write", unit.address, "101", &["run", "forward"]);
-    assert_fails(&output, 1, &["run forward", "exception 06", "the start is inhibited", "start_inhibited"]);
+    assert_fails(
+        &output,
+        1,
+        &[
+            "run forward",
+            "exception 06",
+            "the start is inhibited",
+            "start_inhibited",
+        ],
+    );
 }
 
 #[test]
@@ -209,7 +348,11 @@ fn a_start_of_which_nobody_knows_what_became_is_stopped() {
     let unit = StandIn::new(&[(RUN, 0)]);
     unit.refuse(RUN, 0x0B);
     let output = ask("write", unit.address, "101", &["run", "forward"]);
-    assert_fails(&output, 1, &["exception 0B", "so it is stopped", "NOT ACKNOWLEDGED"]);
+    assert_fails(
+        &output,
+        1,
+        &["exception 0B", "so it is stopped", "NOT ACKNOWLEDGED"],
+    );
 }
 
 #[test]
@@ -219,15 +362,22 @@ fn health_is_0_only_when_the_gateway_is_ready_and_its_drives_were_read() {
     let (socket, url) = (place.file("vfd-gateway.sock"), format!("http://{address}"));
     let by_socket = ["health", "--socket", socket.to_str().unwrap()];
     for args in [by_socket, ["health", "--url", &url]] {
-        let line = |standby| LineReport { state: LineState::Up, standby, ..LineReport::default() };
+        let line = |standby| LineReport {
+            state: LineState::Up,
+            standby,
+            ..LineReport::default()
+        };
         state.shared.load().lines[0].set_report(line(None));
         assert_fails(&vfd_gateway(&args), 1, &["nothing was ever read of pump-1"]);
         // Another gateway reads the drives of a line that this one only listens to.
         state.shared.load().lines[0].set_report(line(Some(HEARS)));
         let output = vfd_gateway(&args);
         assert_eq!(output.status.code(), Some(0), "{}", failure(&output).1);
-        for line in ["gateway plant-a: ", "line hall-1: up", "drive pump-1 (hyundai-n700 on hall-1): unknown, unknown"]
-        {
+        for line in [
+            "gateway plant-a: ",
+            "line hall-1: up",
+            "drive pump-1 (hyundai-n700 on hall-1): unknown, unknown",
+        ] {
             assert!(out(&output).contains(line), "no {line} in {}", out(&output));
         }
         state.shared.load().lines[0].set_report(LineReport::default());
@@ -235,7 +385,10 @@ fn health_is_0_only_when_the_gateway_is_ready_and_its_drives_were_read() {
     }
     let output = vfd_gateway(&[&by_socket[..], &["--json"]].concat());
     let json: Value = serde_json::from_str(&out(&output)).unwrap();
-    assert_eq!((&json["ready"], &json["lines"][0]["state"]), (&json!(false), &json!("down")));
+    assert_eq!(
+        (&json["ready"], &json["lines"][0]["state"]),
+        (&json!(false), &json!("down"))
+    );
 }
 
 #[test]
@@ -243,14 +396,34 @@ fn health_says_why_it_has_no_answer() {
     let place = Place::new();
     let socket = place.file("nothing.sock");
     let socket = socket.to_str().unwrap();
-    assert_fails(&vfd_gateway(&["health", "--socket", socket]), 1, &[socket, "No such file"]);
+    assert_fails(
+        &vfd_gateway(&["health", "--socket", socket]),
+        1,
+        &[socket, "No such file"],
+    );
     drop(std::os::unix::net::UnixListener::bind(socket).unwrap());
-    assert_fails(&vfd_gateway(&["health", "--socket", socket]), 1, &[socket, "refused"]);
-    assert_fails(&vfd_gateway(&["health", "--url", "http://127.0.0.1:1"]), 1, &["127.0.0.1:1", "refused"]);
-    assert_fails(&vfd_gateway(&["health", "--url", "https://127.0.0.1"]), 2, &["http://127.0.0.1:8080"]);
+    assert_fails(
+        &vfd_gateway(&["health", "--socket", socket]),
+        1,
+        &[socket, "refused"],
+    );
+    assert_fails(
+        &vfd_gateway(&["health", "--url", "http://127.0.0.1:1"]),
+        1,
+        &["127.0.0.1:1", "refused"],
+    );
+    assert_fails(
+        &vfd_gateway(&["health", "--url", "https://127.0.0.1"]),
+        2,
+        &["http://127.0.0.1:8080"],
+    );
     let unit = StandIn::new(&[]);
     let url = format!("http://{}", unit.address);
-    assert_fails(&vfd_gateway(&["health", "--url", &url]), 1, &["gateway at 127.0.0.1"]);
+    assert_fails(
+        &vfd_gateway(&["health", "--url", &url]),
+        1,
+        &["gateway at 127.0.0.1"],
+    );
 }
 
 /// The HTTP side of a gateway whose line is played by the test, on a socket in `directory` and on TCP.
@@ -281,16 +454,26 @@ pub fn served_from(directory: &Path, more: &str) -> (SocketAddr, Arc<State>) {
     let (served, directory) = (Arc::clone(&state), directory.to_owned());
     let (say, said) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
         LocalSet::new().block_on(&runtime, async {
             let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
             let socket = OwnSocket::open(&directory).unwrap();
             say.send(listener.local_addr().unwrap()).unwrap();
             let side = Arc::new(LocalSide::new(served.shared.clone(), None));
             let documents = http::Documents::new(Arc::clone(&served));
-            let control =
-                Arc::new(Control::new(Arc::clone(&side), documents.live.moments().clone(), Front::default(), None));
-            tokio::join!(http::serve(listener, documents.clone(), control), socket.serve(documents, side));
+            let control = Arc::new(Control::new(
+                Arc::clone(&side),
+                documents.live.moments().clone(),
+                Front::default(),
+                None,
+            ));
+            tokio::join!(
+                http::serve(listener, documents.clone(), control),
+                socket.serve(documents, side)
+            );
         });
     });
     (said.recv_timeout(PATIENCE).unwrap(), state)

@@ -29,13 +29,18 @@ fn a_large_journal_delays_no_start() {
     std::fs::create_dir(place.file("data")).unwrap();
     let modbus = SocketAddr::from(([127, 0, 0, 1], free_port()));
     let more = "[journal]\nmax_size = \"4GB\"\n";
-    let file = place.write("gateway.toml", &configuration(&place, [drive.family], modbus, more));
+    let file = place.write(
+        "gateway.toml",
+        &configuration(&place, [drive.family], modbus, more),
+    );
     let serves = || {
         let mut command = program();
         command.arg("run").arg("-c").arg(&file);
         let begun = Instant::now();
         let mut gateway = Started::new(command);
-        until("it serves", PATIENCE, || Raw::try_connect(modbus)?.read_unit(101, 0, 1).ok());
+        until("it serves", PATIENCE, || {
+            Raw::try_connect(modbus)?.read_unit(101, 0, 1).ok()
+        });
         let took = begun.elapsed();
         gateway.terminate();
         assert!(gateway.end_within(PATIENCE).success(), "{}", gateway.text());
@@ -56,26 +61,51 @@ fn a_large_journal_delays_no_start() {
     for copy in [&small, &filled] {
         std::fs::copy(place.file("data/journal.db"), copy).unwrap();
     }
-    let count = std::env::var("ROWS").ok().and_then(|text| text.parse().ok()).unwrap_or(100_000);
+    let count = std::env::var("ROWS")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(100_000);
     fill(&filled, count);
     let (empty, large) = (shortest(&small), shortest(&filled));
     println!("it serves after {empty:?} without rows, after {large:?} beside {count}");
-    assert!(large < WITHIN + MARGIN && large < empty + WITHIN, "{large:?}, {empty:?} without rows");
+    assert!(
+        large < WITHIN + MARGIN && large < empty + WITHIN,
+        "{large:?}, {empty:?} without rows"
+    );
 }
 
 /// Puts `count` rows into the audit and a tenth of that into each other table, as the gateway itself would have.
 pub fn fill(path: &Path, count: u64) {
     let mut connection = Connection::open(path).unwrap();
     let transaction = connection.transaction().unwrap();
-    for (table, count) in [(Table::Audit, count), (Table::Availability, count / 10), (Table::Event, count / 10)] {
-        let sql = format!("INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)", table.name());
+    for (table, count) in [
+        (Table::Audit, count),
+        (Table::Availability, count / 10),
+        (Table::Event, count / 10),
+    ] {
+        let sql = format!(
+            "INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
+            table.name()
+        );
         let mut put = transaction.prepare(&sql).unwrap();
         for number in 0..count {
-            let body =
-                json!({ "by": "mqtt", "tried": format!("{number} Hz, run forward"), "count": 1, "outcome": "refused" });
-            let at = WallTime { unix_ms: 1_767_225_600_000 + number as i64 };
-            let row = Row { number: 1_000 + number, ..Row::new(at, "attempt", Some("n700"), &body) };
-            put.execute(params![row.number, row.at.unix_ms, row.kind, row.name, row.body, row.crc(table)]).unwrap();
+            let body = json!({ "by": "mqtt", "tried": format!("{number} Hz, run forward"), "count": 1, "outcome": "refused" });
+            let at = WallTime {
+                unix_ms: 1_767_225_600_000 + number as i64,
+            };
+            let row = Row {
+                number: 1_000 + number,
+                ..Row::new(at, "attempt", Some("n700"), &body)
+            };
+            put.execute(params![
+                row.number,
+                row.at.unix_ms,
+                row.kind,
+                row.name,
+                row.body,
+                row.crc(table)
+            ])
+            .unwrap();
         }
     }
     transaction.commit().unwrap();

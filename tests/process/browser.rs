@@ -36,14 +36,18 @@ pub struct Answer {
 
 impl Answer {
     pub fn json(&self) -> Value {
-        serde_json::from_str(&self.body).unwrap_or_else(|error| panic!("{error}: {} {}", self.head, self.body))
+        serde_json::from_str(&self.body)
+            .unwrap_or_else(|error| panic!("{error}: {} {}", self.head, self.body))
     }
 
     /// The value of a header, whose name is in lower case.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.head
             .lines()
-            .find_map(|line| line.split_once(": ").filter(|(it, _)| it.eq_ignore_ascii_case(name)))
+            .find_map(|line| {
+                line.split_once(": ")
+                    .filter(|(it, _)| it.eq_ignore_ascii_case(name))
+            })
             .map(|it| it.1)
     }
 }
@@ -65,17 +69,28 @@ impl Browser {
     /// The same browser through TLS from now on, trusting the authority in the file `ca`.
     pub fn through_tls(self, ca: &Path) -> Self {
         let mut roots = RootCertStore::empty();
-        roots.add(CertificateDer::from_pem_file(ca).unwrap()).unwrap();
+        roots
+            .add(CertificateDer::from_pem_file(ca).unwrap())
+            .unwrap();
         let provider = Arc::new(rustls::crypto::ring::default_provider());
-        let config = ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
+        let config = ClientConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .unwrap();
         let config = config.with_root_certificates(roots).with_no_client_auth();
         let origin = Some(format!("https://{}", self.address));
-        Self { tls: Some(Arc::new(config)), origin, ..self }
+        Self {
+            tls: Some(Arc::new(config)),
+            origin,
+            ..self
+        }
     }
 
     /// Signs in, and keeps what that gives.
     pub fn sign_in(&mut self, user: &str, password: &str) -> Answer {
-        let answer = self.post("/api/v1/session", &json!({ "user": user, "password": password }));
+        let answer = self.post(
+            "/api/v1/session",
+            &json!({ "user": user, "password": password }),
+        );
         if answer.status == 200 {
             let cookie = answer.header("set-cookie").expect("a cookie");
             self.cookie = cookie.split(';').next().unwrap().to_owned();
@@ -104,7 +119,10 @@ impl Browser {
     }
 
     pub fn ask(&self, method: &str, path: &str, body: &str) -> Answer {
-        let mut request = format!("{method} {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n", self.host);
+        let mut request = format!(
+            "{method} {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n",
+            self.host
+        );
         let mut add = |name: &str, value: &str| request += &format!("{name}: {value}\r\n");
         if !self.cookie.is_empty() {
             add("Cookie", &self.cookie);
@@ -127,14 +145,28 @@ impl Browser {
             None => exchange(stream, &request),
             Some(tls) => {
                 let name = ServerName::IpAddress(self.address.ip().into());
-                exchange(StreamOwned::new(ClientConnection::new(Arc::clone(tls), name).unwrap(), stream), &request)
+                exchange(
+                    StreamOwned::new(
+                        ClientConnection::new(Arc::clone(tls), name).unwrap(),
+                        stream,
+                    ),
+                    &request,
+                )
             }
         };
-        let end = bytes.windows(4).position(|window| window == b"\r\n\r\n").unwrap_or_else(|| panic!("no answer"));
+        let end = bytes
+            .windows(4)
+            .position(|window| window == b"\r\n\r\n")
+            .unwrap_or_else(|| panic!("no answer"));
         let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
         let bytes = bytes[end + 4..].to_vec();
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        Answer { status, head, body: String::from_utf8_lossy(&bytes).into_owned(), bytes }
+        Answer {
+            status,
+            head,
+            body: String::from_utf8_lossy(&bytes).into_owned(),
+            bytes,
+        }
     }
 }
 

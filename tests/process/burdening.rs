@@ -25,7 +25,10 @@ const GREEDY: usize = 80;
 /// What the system says of the gateway's memory, in kB.
 fn memory_kb(plant: &Plant, key: &str) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{}/status", plant.gateway.id())).unwrap();
-    let value = status.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(':')).unwrap();
+    let value = status
+        .lines()
+        .find_map(|line| line.strip_prefix(key)?.strip_prefix(':'))
+        .unwrap();
     value.trim().trim_end_matches(" kB").parse().unwrap()
 }
 
@@ -38,13 +41,19 @@ fn peak_kb(plant: &Plant) -> u64 {
 fn delivered_limit_kb() -> u64 {
     let text = text_of("deploy/kubernetes/gateway.yaml");
     let (_, limits) = text.split_once("limits:").unwrap();
-    let limit = limits.lines().find_map(|line| line.trim().strip_prefix("memory: ")?.strip_suffix("Mi")).unwrap();
+    let limit = limits
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("memory: ")?.strip_suffix("Mi"))
+        .unwrap();
     limit.parse::<u64>().unwrap() * 1024
 }
 
 /// A connection from `from` with little room on its own side.
 fn connect(from: [u8; 4], to: SocketAddr) -> TcpStream {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
     let connect = async {
         let socket = tokio::net::TcpSocket::new_v4().unwrap();
         socket.set_recv_buffer_size(4096).unwrap();
@@ -90,15 +99,22 @@ fn fill_journal(plant: &mut Plant) {
     let file = plant.place.file("data/journal.db");
     let log = plant.place.file("data/journal.db-wal");
     until("the journal's log is emptied", PATIENCE, || {
-        std::fs::metadata(&log).map_or(true, |log| log.len() == 0).then_some(())
+        std::fs::metadata(&log)
+            .map_or(true, |log| log.len() == 0)
+            .then_some(())
     });
     fill(Path::new(&file), ROWS);
     plant.start_gateway_again();
 }
 
 #[test]
-fn wrong_passwords_and_readers_who_do_not_read_leave_the_delivered_limit_far_away_and_the_drive_commanded() {
-    let mut plant = Plant::with(Wish { page: &users(), lost_after: "60s", ..Wish::default() });
+fn wrong_passwords_and_readers_who_do_not_read_leave_the_delivered_limit_far_away_and_the_drive_commanded()
+ {
+    let mut plant = Plant::with(Wish {
+        page: &users(),
+        lost_after: "60s",
+        ..Wish::default()
+    });
     fill_journal(&mut plant);
     let (before, idle) = (peak_kb(&plant), memory_kb(&plant, "RssAnon"));
     let mut client = Raw::connect(plant.modbus);
@@ -107,29 +123,56 @@ fn wrong_passwords_and_readers_who_do_not_read_leave_the_delivered_limit_far_awa
 
     let http = plant.http;
     let statuses: Vec<u16> = std::thread::scope(|scope| {
-        let tries: Vec<_> = (1..=SIGN_INS).map(|number| scope.spawn(move || wrong_password(http, number))).collect();
-        tries.into_iter().map(|tried| tried.join().unwrap()).collect()
+        let tries: Vec<_> = (1..=SIGN_INS)
+            .map(|number| scope.spawn(move || wrong_password(http, number)))
+            .collect();
+        tries
+            .into_iter()
+            .map(|tried| tried.join().unwrap())
+            .collect()
     });
     let count = |status| statuses.iter().filter(|it| **it == status).count();
     assert!(count(401) >= 8, "{statuses:?}");
-    assert_eq!(count(401) + count(429) + count(503), statuses.len(), "{statuses:?}");
+    assert_eq!(
+        count(401) + count(429) + count(503),
+        statuses.len(),
+        "{statuses:?}"
+    );
     let (by_passwords, afterwards) = (peak_kb(&plant), memory_kb(&plant, "RssAnon"));
     assert!(client.read(OUTPUT, 1).unwrap()[0] > 200, "it runs on");
 
-    let paths = ["/api/v1/journal?last=10000", "/api/v1/journal?last=10000&format=csv", "/metrics", "/api/v1/state"];
-    let held: Vec<_> = (0..GREEDY).map(|number| greedy(http, paths[number % paths.len()])).collect();
-    plant.gateway.wait_for("that one of them is let go", |line| {
-        fields(line)?["message"].as_str()?.contains("does not read its response").then_some(())
-    });
+    let paths = [
+        "/api/v1/journal?last=10000",
+        "/api/v1/journal?last=10000&format=csv",
+        "/metrics",
+        "/api/v1/state",
+    ];
+    let held: Vec<_> = (0..GREEDY)
+        .map(|number| greedy(http, paths[number % paths.len()]))
+        .collect();
+    plant
+        .gateway
+        .wait_for("that one of them is let go", |line| {
+            fields(line)?["message"]
+                .as_str()?
+                .contains("does not read its response")
+                .then_some(())
+        });
     let by_readers = peak_kb(&plant);
     println!(
         "anonymous memory {idle} kB; peaks without the program's file: {before} kB before, {by_passwords} kB with {} wrong \
          passwords ({afterwards} kB anonymous afterwards), {by_readers} kB with {GREEDY} readers who do not read",
         count(401)
     );
-    assert!(by_passwords.max(by_readers) < PROMISED_KB, "{by_passwords} kB, {by_readers} kB");
+    assert!(
+        by_passwords.max(by_readers) < PROMISED_KB,
+        "{by_passwords} kB, {by_readers} kB"
+    );
     assert!(PROMISED_KB <= delivered_limit_kb() / 2);
-    assert!(afterwards < idle + 8 * 1024, "given back: {idle} kB before, {afterwards} kB afterwards");
+    assert!(
+        afterwards < idle + 8 * 1024,
+        "given back: {idle} kB before, {afterwards} kB afterwards"
+    );
 
     assert!(client.read(OUTPUT, 1).unwrap()[0] > 200, "it runs on");
     plant.write_uniform(&mut client, 256, 0);
@@ -139,7 +182,10 @@ fn wrong_passwords_and_readers_who_do_not_read_leave_the_delivered_limit_far_awa
         let (status, body) = get(http, "/api/v1/journal?last=10000")?;
         (status == 200).then_some(body)
     });
-    assert!(rows.matches("\"number\":").count() >= 10_000 && rows.ends_with("0\r\n\r\n"), "whole, in pieces");
+    assert!(
+        rows.matches("\"number\":").count() >= 10_000 && rows.ends_with("0\r\n\r\n"),
+        "whole, in pieces"
+    );
 }
 
 #[test]
@@ -147,7 +193,11 @@ fn a_reader_who_is_slow_and_takes_it_gets_all_of_it() {
     let mut plant = Plant::new();
     fill_journal(&mut plant);
     let mut stream = connect([127, 0, 0, 1], plant.http);
-    write!(stream, "GET /api/v1/journal?last=10000 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").unwrap();
+    write!(
+        stream,
+        "GET /api/v1/journal?last=10000 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
     let (mut answer, mut buffer) = (Vec::new(), vec![0; 64 * 1024]);
     loop {
         match stream.read(&mut buffer).unwrap() {
@@ -157,5 +207,9 @@ fn a_reader_who_is_slow_and_takes_it_gets_all_of_it() {
         std::thread::sleep(Duration::from_millis(1));
     }
     let answer = String::from_utf8(answer).unwrap();
-    assert!(answer.contains("\"is_complete\":true") && answer.ends_with("0\r\n\r\n"), "{} bytes", answer.len());
+    assert!(
+        answer.contains("\"is_complete\":true") && answer.ends_with("0\r\n\r\n"),
+        "{} bytes",
+        answer.len()
+    );
 }

@@ -30,8 +30,22 @@ impl Hall {
         let place = Place::new();
         std::fs::create_dir(place.file("data")).unwrap();
         let port = place.file("line");
-        let drive = start(&[&["simulate", "--model", model, "--link", port.to_str().unwrap()], simulate].concat());
-        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        let drive = start(
+            &[
+                &[
+                    "simulate",
+                    "--model",
+                    model,
+                    "--link",
+                    port.to_str().unwrap(),
+                ],
+                simulate,
+            ]
+            .concat(),
+        );
+        drive.wait_for("that it plays", |line| {
+            line.contains("station 1").then_some(())
+        });
         let port = port.display().to_string();
         Self::before(place, drive, &port, (model, poll, line))
     }
@@ -41,7 +55,15 @@ impl Hall {
         let place = Place::new();
         std::fs::create_dir(place.file("data")).unwrap();
         let model = "hyundai-n700";
-        let drive = start(&["simulate", "--model", model, "--framing", "modbus-tcp", "--tcp", "127.0.0.1:0"]);
+        let drive = start(&[
+            "simulate",
+            "--model",
+            model,
+            "--framing",
+            "modbus-tcp",
+            "--tcp",
+            "127.0.0.1:0",
+        ]);
         let port = drive.wait_for("where it listens", |line| {
             let (_, rest) = line.split_once(" on modbus-tcp://")?;
             Some(format!("modbus-tcp://{}", rest.split(',').next()?))
@@ -50,7 +72,12 @@ impl Hall {
     }
 
     /// A gateway before `drive` at `port`, with its model, its poll and the keys of its line.
-    fn before(place: Place, drive: Started, port: &str, (model, poll, line): (&str, &str, &str)) -> Self {
+    fn before(
+        place: Place,
+        drive: Started,
+        port: &str,
+        (model, poll, line): (&str, &str, &str),
+    ) -> Self {
         let text = format!(
             "[gateway]\nname = \"plant\"\ndata_dir = \"{}\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
              write = [\"127.0.0.1/32\"]\n\n[[line]]\nname = \"hall-1\"\nport = \"{}\"\n{line}\n\n\
@@ -71,7 +98,12 @@ impl Hall {
             let fields = fields(line)?;
             (fields["message"] == "drive online").then_some(())
         });
-        Self { gateway, modbus, _drive: drive, place }
+        Self {
+            gateway,
+            modbus,
+            _drive: drive,
+            place,
+        }
     }
 
     fn config(&self) -> String {
@@ -91,7 +123,9 @@ impl Hall {
     fn capturing(&self, more: &[&str]) -> Started {
         let out = self.out();
         let capture = self.capture(out.to_str().unwrap(), more);
-        until("the capture has begun", PATIENCE, || out.metadata().ok().filter(|it| it.len() > 0));
+        until("the capture has begun", PATIENCE, || {
+            out.metadata().ok().filter(|it| it.len() > 0)
+        });
         capture
     }
 
@@ -99,14 +133,19 @@ impl Hall {
     fn shows_the_write(&self) -> Option<()> {
         let written = b"written: 0x0002 run command = 0x0001 (forward)";
         let bytes = std::fs::read(self.out()).unwrap();
-        bytes.windows(written.len()).any(|it| it == written).then_some(())
+        bytes
+            .windows(written.len())
+            .any(|it| it == written)
+            .then_some(())
     }
 
     /// Runs the drive and stops it. Whoever starts must have stopped first, and a stop takes a moment to be effective.
     fn command(&self) {
         let mut client = Raw::connect(self.modbus);
         for (address, word) in [(RUN, 0), (FREQUENCY, 3000), (RUN, 1), (RUN, 0)] {
-            until("a write is taken", PATIENCE, || client.write(1, address, word).ok());
+            until("a write is taken", PATIENCE, || {
+                client.write(1, address, word).ok()
+            });
         }
     }
 }
@@ -120,12 +159,21 @@ fn ended(mut capture: Started) -> u64 {
 
 /// What a capture says at its end.
 fn summary(capture: &Started) -> String {
-    capture.wait_for("what it has captured", |line| line.contains(" s into ").then(|| line.to_owned()))
+    capture.wait_for("what it has captured", |line| {
+        line.contains(" s into ").then(|| line.to_owned())
+    })
 }
 
 fn said_frames(said: &str) -> u64 {
-    let line = said.lines().find(|line| line.contains(" frames")).unwrap_or_else(|| panic!("{said}"));
-    line.split(' ').next().unwrap().parse().unwrap_or_else(|_| panic!("{said}"))
+    let line = said
+        .lines()
+        .find(|line| line.contains(" frames"))
+        .unwrap_or_else(|| panic!("{said}"));
+    line.split(' ')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap_or_else(|_| panic!("{said}"))
 }
 
 /// What tshark makes of a file: one row of fields for each packet.
@@ -145,16 +193,38 @@ type Row = BTreeMap<&'static str, String>;
 
 fn tshark(file: &Path, options: &[&str]) -> Output {
     let mut command = Command::new("tshark");
-    command.args(["-r", file.to_str().unwrap(), "-o", "mbrtu.crc_verification:TRUE"]).args(options);
-    command.args(["-T", "fields", "-E", "separator=|"]).args(FIELDS.iter().flat_map(|field| ["-e", field]));
-    command.output().unwrap_or_else(|error| panic!("cannot start tshark: {error}; run tests/run"))
+    command
+        .args([
+            "-r",
+            file.to_str().unwrap(),
+            "-o",
+            "mbrtu.crc_verification:TRUE",
+        ])
+        .args(options);
+    command
+        .args(["-T", "fields", "-E", "separator=|"])
+        .args(FIELDS.iter().flat_map(|field| ["-e", field]));
+    command
+        .output()
+        .unwrap_or_else(|error| panic!("cannot start tshark: {error}; run tests/run"))
 }
 
 fn rows(file: &Path, options: &[&str]) -> Vec<Row> {
     let output = tshark(file, options);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let text = String::from_utf8(output.stdout).unwrap();
-    text.lines().map(|line| FIELDS.into_iter().zip(line.split('|').map(str::to_owned)).collect()).collect()
+    text.lines()
+        .map(|line| {
+            FIELDS
+                .into_iter()
+                .zip(line.split('|').map(str::to_owned))
+                .collect()
+        })
+        .collect()
 }
 
 /// Something that watches over the socket.
@@ -167,14 +237,24 @@ impl Watcher {
     fn new(hall: &Hall, line: &str) -> Self {
         let mut stream = UnixStream::connect(hall.place.file("data/vfd-gateway.sock")).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "GET /api/v1/lines/{line}/traffic HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
-        Self { stream, text: String::new() }
+        write!(
+            stream,
+            "GET /api/v1/lines/{line}/traffic HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        )
+        .unwrap();
+        Self {
+            stream,
+            text: String::new(),
+        }
     }
 
     fn until(&mut self, wanted: &str) -> &str {
         let mut bytes = [0; 16 * 1024];
         while !self.text.contains(wanted) {
-            let read = self.stream.read(&mut bytes).unwrap_or_else(|error| panic!("{error}: {}", self.text));
+            let read = self
+                .stream
+                .read(&mut bytes)
+                .unwrap_or_else(|error| panic!("{error}: {}", self.text));
             assert!(read > 0, "no {wanted} in {}", self.text);
             self.text += &String::from_utf8_lossy(&bytes[..read]);
         }
@@ -188,48 +268,97 @@ fn tshark_decodes_every_frame_with_its_function_and_register() {
     let capture = hall.capturing(&["--line", "hall-1"]);
     hall.command();
     // What goes over the line is told a moment later.
-    until("the capture has what was written", PATIENCE, || hall.shows_the_write());
+    until("the capture has what was written", PATIENCE, || {
+        hall.shows_the_write()
+    });
     let frames = ended(capture);
     let rows = rows(&hall.out(), &["-o", "mbrtu.tcp.port:502"]);
-    assert!(frames >= 6 && rows.len() as u64 == frames, "{frames} frames, {} packets", rows.len());
+    assert!(
+        frames >= 6 && rows.len() as u64 == frames,
+        "{frames} frames, {} packets",
+        rows.len()
+    );
     let mut writes = Vec::new();
     for pair in rows.windows(2) {
-        let [asked, replied] = pair else { panic!("two rows") };
+        let [asked, replied] = pair else {
+            panic!("two rows")
+        };
         for row in [asked, replied] {
-            assert_eq!(row["frame.protocols"], "exported_pdu:mbrtu:modbus", "{row:?}");
-            assert_eq!((row["mbrtu.crc16.status"].as_str(), row["_ws.malformed"].as_str()), ("1", ""), "{row:?}");
+            assert_eq!(
+                row["frame.protocols"], "exported_pdu:mbrtu:modbus",
+                "{row:?}"
+            );
+            assert_eq!(
+                (
+                    row["mbrtu.crc16.status"].as_str(),
+                    row["_ws.malformed"].as_str()
+                ),
+                ("1", ""),
+                "{row:?}"
+            );
         }
         if !asked["frame.comment"].starts_with("request to pump-1") {
             continue;
         }
-        assert!(replied["frame.comment"].starts_with("reply of pump-1"), "{replied:?}");
+        assert!(
+            replied["frame.comment"].starts_with("reply of pump-1"),
+            "{replied:?}"
+        );
         assert_eq!(
-            (asked["frame.packet_flags_direction"].as_str(), replied["frame.packet_flags_direction"].as_str()),
+            (
+                asked["frame.packet_flags_direction"].as_str(),
+                replied["frame.packet_flags_direction"].as_str()
+            ),
             ("0x00000002", "0x00000001")
         );
         assert_eq!(asked["modbus.func_code"], replied["modbus.func_code"]);
         // The register that tshark sees is the one that our own words name.
         let register: u16 = asked["modbus.reference_num"].parse().unwrap();
-        assert!(asked["frame.comment"].contains(&format!("0x{register:04X} ")), "{asked:?}");
+        assert!(
+            asked["frame.comment"].contains(&format!("0x{register:04X} ")),
+            "{asked:?}"
+        );
         match asked["modbus.func_code"].as_str() {
-            "3" => assert!(replied["modbus.regnum16"].split(',').any(|it| it == register.to_string()), "{replied:?}"),
+            "3" => assert!(
+                replied["modbus.regnum16"]
+                    .split(',')
+                    .any(|it| it == register.to_string()),
+                "{replied:?}"
+            ),
             "6" => {
-                assert_eq!(replied["modbus.reference_num"], asked["modbus.reference_num"]);
+                assert_eq!(
+                    replied["modbus.reference_num"],
+                    asked["modbus.reference_num"]
+                );
                 writes.push((register, asked["frame.comment"].clone()));
             }
             other => panic!("function {other}"),
         }
     }
     let said = |register, words: &str| {
-        assert!(writes.iter().any(|(at, comment)| *at == register && comment.contains(words)), "{words}: {writes:?}");
+        assert!(
+            writes
+                .iter()
+                .any(|(at, comment)| *at == register && comment.contains(words)),
+            "{words}: {writes:?}"
+        );
     };
     said(FREQUENCY, "frequency command = 30.00 Hz");
     said(RUN, "(forward)");
     said(RUN, "(stop): write 0x0002 run command = 0x0000 (stop)");
     // Without any setting reads are decoded in full, and writes as what they are.
     let plain = self::rows(&hall.out(), &[]);
-    assert!(plain.iter().all(|row| row["frame.protocols"] == "exported_pdu:mbrtu:modbus"));
-    let reads = |rows: &[Row]| rows.iter().filter(|row| row["modbus.func_code"] == "3").cloned().collect::<Vec<_>>();
+    assert!(
+        plain
+            .iter()
+            .all(|row| row["frame.protocols"] == "exported_pdu:mbrtu:modbus")
+    );
+    let reads = |rows: &[Row]| {
+        rows.iter()
+            .filter(|row| row["modbus.func_code"] == "3")
+            .cloned()
+            .collect::<Vec<_>>()
+    };
     assert_eq!(reads(&plain), reads(&rows));
 }
 
@@ -245,31 +374,60 @@ fn noise_is_there_as_noise_and_nothing_is_hidden() {
     let frames = ended(capture);
     let rows = rows(&hall.out(), &[]);
     assert_eq!(rows.len() as u64, frames);
-    let (noise, sound): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["frame.comment"].starts_with("noise: "));
-    assert!(noise.len() > 5 && sound.len() > 60, "{} and {}", noise.len(), sound.len());
+    let (noise, sound): (Vec<_>, Vec<_>) = rows
+        .iter()
+        .partition(|row| row["frame.comment"].starts_with("noise: "));
+    assert!(
+        noise.len() > 5 && sound.len() > 60,
+        "{} and {}",
+        noise.len(),
+        sound.len()
+    );
     for row in noise {
-        assert_eq!((row["frame.protocols"].as_str(), row["modbus.func_code"].as_str()), ("exported_pdu:data", ""));
+        assert_eq!(
+            (
+                row["frame.protocols"].as_str(),
+                row["modbus.func_code"].as_str()
+            ),
+            ("exported_pdu:data", "")
+        );
     }
     for row in sound {
-        assert_eq!(row["frame.protocols"], "exported_pdu:mbrtu:modbus", "{row:?}");
+        assert_eq!(
+            row["frame.protocols"], "exported_pdu:mbrtu:modbus",
+            "{row:?}"
+        );
         let bytes = &row["exported_pdu.exported_pdu"].replace(':', "");
-        let bytes: Vec<u8> =
-            (0..bytes.len()).step_by(2).map(|at| u8::from_str_radix(&bytes[at..at + 2], 16).unwrap()).collect();
+        let bytes: Vec<u8> = (0..bytes.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&bytes[at..at + 2], 16).unwrap())
+            .collect();
         assert!(crc::is_sound(&bytes), "{row:?}");
     }
 }
 
 #[test]
 fn frames_of_an_ascii_line_are_text_with_our_words() {
-    let hall = Hall::new("teco-e510", &["--framing", "ascii"], "200ms", "framing = \"ascii\"");
+    let hall = Hall::new(
+        "teco-e510",
+        &["--framing", "ascii"],
+        "200ms",
+        "framing = \"ascii\"",
+    );
     let capture = hall.capturing(&["--frames", "8"]);
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success());
     let rows = rows(&hall.out(), &[]);
     assert_eq!((rows.len(), said_frames(&summary(&capture))), (8, 8));
     for row in rows {
-        assert_eq!(row["frame.protocols"], "exported_pdu:data-text-lines", "{row:?}");
-        assert!(row["exported_pdu.exported_pdu"].starts_with("3a"), "begins with a colon: {row:?}");
+        assert_eq!(
+            row["frame.protocols"], "exported_pdu:data-text-lines",
+            "{row:?}"
+        );
+        assert!(
+            row["exported_pdu.exported_pdu"].starts_with("3a"),
+            "begins with a colon: {row:?}"
+        );
         assert!(row["frame.comment"].contains("pump-1"), "{row:?}");
     }
 }
@@ -279,15 +437,23 @@ fn messages_of_a_modbus_tcp_line_are_decoded_by_tshark() {
     let hall = Hall::over_modbus_tcp();
     let capture = hall.capturing(&[]);
     hall.command();
-    until("the file shows the write", PATIENCE, || hall.shows_the_write());
+    until("the file shows the write", PATIENCE, || {
+        hall.shows_the_write()
+    });
     let frames = ended(capture);
     let rows = rows(&hall.out(), &[]);
     assert_eq!(rows.len() as u64, frames);
     for row in &rows {
-        assert_eq!(row["frame.protocols"], "exported_pdu:mbtcp:modbus", "{row:?}");
+        assert_eq!(
+            row["frame.protocols"], "exported_pdu:mbtcp:modbus",
+            "{row:?}"
+        );
         assert_eq!(row["_ws.malformed"], "", "{row:?}");
     }
-    let wrote = rows.iter().filter(|row| row["modbus.func_code"] == "6").count();
+    let wrote = rows
+        .iter()
+        .filter(|row| row["modbus.func_code"] == "6")
+        .count();
     assert!(wrote >= 6, "three writes and their replies: {wrote}");
 }
 
@@ -303,15 +469,38 @@ fn a_pipe_into_another_program_is_fed_as_it_goes() {
         .unwrap();
     // It ends by itself after six packets, and the capture with it.
     let tshark = Command::new("tshark")
-        .args(["-l", "-i", "-", "-c", "6", "-T", "fields", "-e", "frame.protocols"])
+        .args([
+            "-l",
+            "-i",
+            "-",
+            "-c",
+            "6",
+            "-T",
+            "fields",
+            "-e",
+            "frame.protocols",
+        ])
         .stdin(capture.stdout.take().unwrap())
         .output()
         .unwrap_or_else(|error| panic!("cannot start tshark: {error}; run tests/run"));
     let text = String::from_utf8_lossy(&tshark.stdout).into_owned();
-    assert_eq!(text, "exported_pdu:mbrtu:modbus\n".repeat(6), "{}", String::from_utf8_lossy(&tshark.stderr));
+    assert_eq!(
+        text,
+        "exported_pdu:mbrtu:modbus\n".repeat(6),
+        "{}",
+        String::from_utf8_lossy(&tshark.stderr)
+    );
     let mut said = String::new();
-    capture.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    assert!(capture.wait().unwrap().success() && said_frames(&said) >= 6, "{said}");
+    capture
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
+    assert!(
+        capture.wait().unwrap().success() && said_frames(&said) >= 6,
+        "{said}"
+    );
 }
 
 #[test]
@@ -320,12 +509,21 @@ fn a_gateway_that_goes_leaves_a_whole_file() {
     let mut capture = hall.capturing(&[]);
     let out = hall.out();
     let begun = out.metadata().unwrap().len();
-    until("some frames are in the file", PATIENCE, || (out.metadata().ok()?.len() > begun + 400).then_some(()));
-    let Hall { mut gateway, place, .. } = hall;
+    until("some frames are in the file", PATIENCE, || {
+        (out.metadata().ok()?.len() > begun + 400).then_some(())
+    });
+    let Hall {
+        mut gateway, place, ..
+    } = hall;
     gateway.kill();
     assert_eq!(capture.end_within(PATIENCE).code(), Some(1));
-    let said = capture.wait_for("what it has", |line| line.contains("until then").then(|| line.to_owned()));
-    assert!(said.contains("it closed the connection; ") && said.contains("frames until then are in"), "{said}");
+    let said = capture.wait_for("what it has", |line| {
+        line.contains("until then").then(|| line.to_owned())
+    });
+    assert!(
+        said.contains("it closed the connection; ") && said.contains("frames until then are in"),
+        "{said}"
+    );
     let rows = rows(&place.file("line.pcapng"), &[]);
     assert_eq!(rows.len() as u64, said_frames(&summary(&capture)));
 }
@@ -337,8 +535,14 @@ fn a_change_of_the_line_is_followed() {
     let text = std::fs::read_to_string(hall.config()).unwrap();
     std::fs::write(hall.config(), text.replace("200ms", "300ms")).unwrap();
     let reloaded = vfd_gateway(&["reload", "-c", &hall.config()]);
-    assert!(reloaded.status.success(), "{}", String::from_utf8_lossy(&reloaded.stderr));
-    until("the drive is there again", PATIENCE, || Raw::connect(hall.modbus).read(OUTPUT, 1).ok());
+    assert!(
+        reloaded.status.success(),
+        "{}",
+        String::from_utf8_lossy(&reloaded.stderr)
+    );
+    until("the drive is there again", PATIENCE, || {
+        Raw::connect(hall.modbus).read(OUTPUT, 1).ok()
+    });
     // The capture needs a moment to come back.
     until("the capture has what was written", PATIENCE, || {
         hall.command();
@@ -359,14 +563,43 @@ fn what_cannot_be_captured_is_said() {
     };
     let (config, out) = (hall.config(), hall.out());
     let out = out.to_str().unwrap();
-    assert_fails(&["-c", &config, "--out", out, "--line", "hall-2"], 1, "no line is called hall-2; there is hall-1");
+    assert_fails(
+        &["-c", &config, "--out", out, "--line", "hall-2"],
+        1,
+        "no line is called hall-2; there is hall-1",
+    );
     assert!(!hall.out().exists(), "nothing to write, no file");
-    assert_fails(&["-c", &config, "--out", "/no/such/place.pcapng"], 1, "/no/such/place.pcapng");
-    assert_fails(&["--socket", "/no/such.sock", "--out", out], 1, "/no/such.sock");
-    assert_fails(&["-c", &config, "--out", out, "--seconds", "0"], 2, "--seconds");
+    assert_fails(
+        &["-c", &config, "--out", "/no/such/place.pcapng"],
+        1,
+        "/no/such/place.pcapng",
+    );
+    assert_fails(
+        &["--socket", "/no/such.sock", "--out", out],
+        1,
+        "/no/such.sock",
+    );
+    assert_fails(
+        &["-c", &config, "--out", out, "--seconds", "0"],
+        2,
+        "--seconds",
+    );
     assert_fails(&["-c", &config], 2, "--out");
-    let full = vfd_gateway(&["capture", "-c", &config, "--out", "/dev/full", "--seconds", "9"]);
-    assert_eq!(full.status.code(), Some(1), "{}", String::from_utf8_lossy(&full.stderr));
+    let full = vfd_gateway(&[
+        "capture",
+        "-c",
+        &config,
+        "--out",
+        "/dev/full",
+        "--seconds",
+        "9",
+    ]);
+    assert_eq!(
+        full.status.code(),
+        Some(1),
+        "{}",
+        String::from_utf8_lossy(&full.stderr)
+    );
 }
 
 #[test]
@@ -381,13 +614,25 @@ fn a_line_has_four_places_and_each_sees_all() {
     hall.command();
     for watcher in &mut watchers {
         let text = watcher.until("written: 0x0002 run command = 0x0000 (stop)");
-        assert!(text.contains("write 0x0004 frequency command = 30.00 Hz") && !text.contains("event: lost"));
+        assert!(
+            text.contains("write 0x0004 frequency command = 30.00 Hz")
+                && !text.contains("event: lost")
+        );
     }
-    let capture = vfd_gateway(&["capture", "-c", &hall.config(), "--out", hall.out().to_str().unwrap()]);
+    let capture = vfd_gateway(&[
+        "capture",
+        "-c",
+        &hall.config(),
+        "--out",
+        hall.out().to_str().unwrap(),
+    ]);
     assert_eq!(capture.status.code(), Some(1));
     drop(watchers);
     until("a place comes back", PATIENCE, || {
-        Watcher::new(&hall, "hall-1").until("\r\n").starts_with("HTTP/1.1 200").then_some(())
+        Watcher::new(&hall, "hall-1")
+            .until("\r\n")
+            .starts_with("HTTP/1.1 200")
+            .then_some(())
     });
 }
 
@@ -401,7 +646,9 @@ fn a_full_line_is_captured_whole_and_goes_on_as_before() {
         client.read(OUTPUT, 1).unwrap();
     }
     hall.command();
-    until("the capture has what was written", PATIENCE, || hall.shows_the_write());
+    until("the capture has what was written", PATIENCE, || {
+        hall.shows_the_write()
+    });
     capture.interrupt();
     let mut capture = capture;
     assert!(capture.end_within(PATIENCE).success(), "{}", capture.text());
@@ -414,7 +661,17 @@ fn a_full_line_is_captured_whole_and_goes_on_as_before() {
         .map_or(0, |pair| pair[0].parse().unwrap());
     let rows = rows(&hall.out(), &[]);
     assert_eq!(rows.len() as u64, said_frames(&said));
-    let count = |words: &str| rows.iter().filter(|row| row["frame.comment"].starts_with(words)).count() as u64;
-    let (asked, replied) = (count("request to pump-1 (client)"), count("reply of pump-1"));
-    assert!(asked + lost >= reads && replied + lost >= reads, "{asked} requests, {replied} replies, {lost} lost");
+    let count = |words: &str| {
+        rows.iter()
+            .filter(|row| row["frame.comment"].starts_with(words))
+            .count() as u64
+    };
+    let (asked, replied) = (
+        count("request to pump-1 (client)"),
+        count("reply of pump-1"),
+    );
+    assert!(
+        asked + lost >= reads && replied + lost >= reads,
+        "{asked} requests, {replied} replies, {lost} lost"
+    );
 }

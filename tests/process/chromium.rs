@@ -37,13 +37,28 @@ pub struct Window {
 }
 
 impl Window {
-    pub const DESKTOP: Self = Self { width: 1280, height: 900, is_dark: false };
-    pub const PHONE: Self = Self { width: 390, height: 844, is_dark: false };
+    pub const DESKTOP: Self = Self {
+        width: 1280,
+        height: 900,
+        is_dark: false,
+    };
+    pub const PHONE: Self = Self {
+        width: 390,
+        height: 844,
+        is_dark: false,
+    };
     /// The narrowest that has to do.
-    pub const NARROW: Self = Self { width: 360, height: 740, is_dark: false };
+    pub const NARROW: Self = Self {
+        width: 360,
+        height: 740,
+        is_dark: false,
+    };
 
     pub fn dark(self) -> Self {
-        Self { is_dark: true, ..self }
+        Self {
+            is_dark: true,
+            ..self
+        }
     }
 }
 
@@ -59,7 +74,9 @@ impl Browser {
         let mut command = Command::new("chromedriver");
         command.arg(format!("--port={}", driver.port()));
         let process = Started::new(command);
-        process.wait_for("that it listens", |line| line.contains("started successfully").then_some(()));
+        process.wait_for("that it listens", |line| {
+            line.contains("started successfully").then_some(())
+        });
         let profile = format!("--user-data-dir={}", place.file("profile").display());
         let arguments = [
             "--headless",
@@ -81,9 +98,24 @@ impl Browser {
             "goog:chromeOptions": { "args": arguments },
             "goog:loggingPrefs": { "browser": "ALL", "performance": "ALL" },
         });
-        let answer = ask(driver, "POST", "/session", &json!({ "capabilities": { "alwaysMatch": wanted } }), START_MAX);
-        let session = answer["sessionId"].as_str().unwrap_or_else(|| panic!("no session: {answer}")).to_owned();
-        Self { session, driver, _process: process, _place: place, _alone: alone }
+        let answer = ask(
+            driver,
+            "POST",
+            "/session",
+            &json!({ "capabilities": { "alwaysMatch": wanted } }),
+            START_MAX,
+        );
+        let session = answer["sessionId"]
+            .as_str()
+            .unwrap_or_else(|| panic!("no session: {answer}"))
+            .to_owned();
+        Self {
+            session,
+            driver,
+            _process: process,
+            _place: place,
+            _alone: alone,
+        }
     }
 
     /// Opens a page.
@@ -98,7 +130,10 @@ impl Browser {
 
     /// Loads the page anew, with nothing kept of what was loaded before.
     pub fn reload_past_the_cache(&self) {
-        self.chromium("Network.setCacheDisabled", &json!({ "cacheDisabled": true }));
+        self.chromium(
+            "Network.setCacheDisabled",
+            &json!({ "cacheDisabled": true }),
+        );
         self.reload();
     }
 
@@ -109,7 +144,9 @@ impl Browser {
 
     /// Waits until this expression holds in the page.
     pub fn wait(&self, expression: &str) {
-        until(expression, PATIENCE, || (self.script(&format!("return Boolean({expression})")) == true).then_some(()));
+        until(expression, PATIENCE, || {
+            (self.script(&format!("return Boolean({expression})")) == true).then_some(())
+        });
     }
 
     /// The text that is seen of an element.
@@ -120,7 +157,9 @@ impl Browser {
 
     /// Waits until a part of what is seen of an element is this.
     pub fn wait_for_text(&self, css: &str, part: &str) {
-        until(&format!("{part} in {css}"), PATIENCE, || self.text(css).contains(part).then_some(()));
+        until(&format!("{part} in {css}"), PATIENCE, || {
+            self.text(css).contains(part).then_some(())
+        });
     }
 
     /// Whether somebody who looks at the page sees the element.
@@ -137,21 +176,29 @@ impl Browser {
     pub fn fill(&self, css: &str, text: &str) {
         let element = self.element(css);
         self.post(&format!("/element/{element}/clear"), &json!({}));
-        self.post(&format!("/element/{element}/value"), &json!({ "text": text }));
+        self.post(
+            &format!("/element/{element}/value"),
+            &json!({ "text": text }),
+        );
     }
 
     /// Holds the mouse down on an element.
     pub fn hold(&self, css: &str) {
         let origin = json!({ ELEMENT: self.element(css) });
         // Only what is in the window can be pointed at.
-        self.script(&format!("document.querySelector({css:?}).scrollIntoView({{ block: 'center' }})"));
+        self.script(&format!(
+            "document.querySelector({css:?}).scrollIntoView({{ block: 'center' }})"
+        ));
         let moves = json!([
             { "type": "pointerMove", "duration": 0, "origin": origin, "x": 0, "y": 0 },
             { "type": "pointerDown", "button": 0 },
             { "type": "pause", "duration": HELD_MS },
             { "type": "pointerUp", "button": 0 },
         ]);
-        self.post("/actions", &json!({ "actions": [{ "type": "pointer", "id": "mouse", "actions": moves }] }));
+        self.post(
+            "/actions",
+            &json!({ "actions": [{ "type": "pointer", "id": "mouse", "actions": moves }] }),
+        );
     }
 
     /// Holds a key down, or presses it if `held_ms` is 0.
@@ -161,16 +208,29 @@ impl Browser {
             { "type": "pause", "duration": held_ms },
             { "type": "keyUp", "value": key },
         ]);
-        self.post("/actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": moves }] }));
+        self.post(
+            "/actions",
+            &json!({ "actions": [{ "type": "key", "id": "keys", "actions": moves }] }),
+        );
     }
 
     /// Gives the window another size and scheme of colours.
-    pub fn resize(&self, Window { width, height, is_dark }: Window) {
+    pub fn resize(
+        &self,
+        Window {
+            width,
+            height,
+            is_dark,
+        }: Window,
+    ) {
         let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500 });
         self.chromium("Emulation.setDeviceMetricsOverride", &size);
         let scheme = if is_dark { "dark" } else { "light" };
         let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
-        self.chromium("Emulation.setEmulatedMedia", &json!({ "features": features }));
+        self.chromium(
+            "Emulation.setEmulatedMedia",
+            &json!({ "features": features }),
+        );
     }
 
     /// As a person with a touch pad or a phone sees it, until the window is another one.
@@ -188,43 +248,86 @@ impl Browser {
         let log = self.post("/se/log", &json!({ "type": "browser" }));
         let entries = log.as_array().unwrap().iter();
         let is_bad = |entry: &&Value| entry["level"] == "SEVERE" || entry["level"] == "WARNING";
-        entries.filter(is_bad).map(|entry| entry["message"].to_string()).collect()
+        entries
+            .filter(is_bad)
+            .map(|entry| entry["message"].to_string())
+            .collect()
     }
 
     /// The hosts, with their ports, that the page has asked for anything since this was last asked.
     pub fn hosts(&self) -> BTreeSet<String> {
         let log = self.post("/se/log", &json!({ "type": "performance" }));
-        let message = |entry: &Value| serde_json::from_str::<Value>(entry["message"].as_str()?).ok();
+        let message =
+            |entry: &Value| serde_json::from_str::<Value>(entry["message"].as_str()?).ok();
         let messages = log.as_array().unwrap().iter().filter_map(message);
-        let urls = messages.filter_map(|it| Some(it["message"]["params"]["request"]["url"].as_str()?.to_owned()));
+        let urls = messages.filter_map(|it| {
+            Some(
+                it["message"]["params"]["request"]["url"]
+                    .as_str()?
+                    .to_owned(),
+            )
+        });
         // Its own icons and pages come from no host: which they are differs between versions.
-        let own = |url: &String| ["data:", "chrome:", "chrome-untrusted:"].iter().any(|scheme| url.starts_with(scheme));
-        urls.filter(|url| !own(url)).map(|url| host(&url).to_owned()).collect()
+        let own = |url: &String| {
+            ["data:", "chrome:", "chrome-untrusted:"]
+                .iter()
+                .any(|scheme| url.starts_with(scheme))
+        };
+        urls.filter(|url| !own(url))
+            .map(|url| host(&url).to_owned())
+            .collect()
     }
 
     fn element(&self, css: &str) -> String {
-        let found = self.post("/element", &json!({ "using": "css selector", "value": css }));
+        let found = self.post(
+            "/element",
+            &json!({ "using": "css selector", "value": css }),
+        );
         found[ELEMENT].as_str().unwrap().to_owned()
     }
 
     /// One of the browser's own measurements of the page.
     pub fn metric(&self, name: &str) -> f64 {
         self.chromium("Performance.enable", &json!({}));
-        let metrics = self.post("/goog/cdp/execute", &json!({ "cmd": "Performance.getMetrics", "params": {} }));
-        let found = metrics["metrics"].as_array().unwrap().iter().find(|it| it["name"] == name);
-        found.unwrap_or_else(|| panic!("no {name}: {metrics}"))["value"].as_f64().unwrap()
+        let metrics = self.post(
+            "/goog/cdp/execute",
+            &json!({ "cmd": "Performance.getMetrics", "params": {} }),
+        );
+        let found = metrics["metrics"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|it| it["name"] == name);
+        found.unwrap_or_else(|| panic!("no {name}: {metrics}"))["value"]
+            .as_f64()
+            .unwrap()
     }
 
     fn chromium(&self, command: &str, parameters: &Value) {
-        self.post("/goog/cdp/execute", &json!({ "cmd": command, "params": parameters }));
+        self.post(
+            "/goog/cdp/execute",
+            &json!({ "cmd": command, "params": parameters }),
+        );
     }
 
     fn get(&self, path: &str) -> Value {
-        ask(self.driver, "GET", &format!("/session/{}{path}", self.session), &Value::Null, PATIENCE)
+        ask(
+            self.driver,
+            "GET",
+            &format!("/session/{}{path}", self.session),
+            &Value::Null,
+            PATIENCE,
+        )
     }
 
     fn post(&self, path: &str, body: &Value) -> Value {
-        ask(self.driver, "POST", &format!("/session/{}{path}", self.session), body, PATIENCE)
+        ask(
+            self.driver,
+            "POST",
+            &format!("/session/{}{path}", self.session),
+            body,
+            PATIENCE,
+        )
     }
 }
 
@@ -238,20 +341,32 @@ impl Drop for Browser {
 
 /// The value of the driver's answer. An error is one of the test.
 fn ask(driver: SocketAddr, method: &str, path: &str, body: &Value, patience: Duration) -> Value {
-    let body = if body.is_null() { String::new() } else { body.to_string() };
-    let (status, mut answer) =
-        request(driver, method, path, &body, patience).unwrap_or_else(|| panic!("no answer to {method} {path} {body}"));
+    let body = if body.is_null() {
+        String::new()
+    } else {
+        body.to_string()
+    };
+    let (status, mut answer) = request(driver, method, path, &body, patience)
+        .unwrap_or_else(|| panic!("no answer to {method} {path} {body}"));
     assert_eq!(status, 200, "{method} {path} {body}: {answer}");
     answer["value"].take()
 }
 
-fn request(driver: SocketAddr, method: &str, path: &str, body: &str, patience: Duration) -> Option<(u16, Value)> {
+fn request(
+    driver: SocketAddr,
+    method: &str,
+    path: &str,
+    body: &str,
+    patience: Duration,
+) -> Option<(u16, Value)> {
     let mut stream = TcpStream::connect(driver).ok()?;
     stream.set_read_timeout(Some(patience)).ok()?;
     let length = body.len();
-    let head = format!("{method} {path} HTTP/1.1\r\nHost: {driver}\r\nContent-Type: application/json");
+    let head =
+        format!("{method} {path} HTTP/1.1\r\nHost: {driver}\r\nContent-Type: application/json");
     write!(stream, "{head}\r\nContent-Length: {length}\r\n\r\n{body}").ok()?;
-    let (mut reader, mut line, mut status, mut length) = (BufReader::new(stream), String::new(), 0, 0);
+    let (mut reader, mut line, mut status, mut length) =
+        (BufReader::new(stream), String::new(), 0, 0);
     while reader.read_line(&mut line).ok()? > 2 {
         let lower = line.to_ascii_lowercase();
         if let Some(rest) = lower.strip_prefix("http/1.1 ") {
@@ -277,7 +392,10 @@ fn unpacked(text: &str) -> Vec<u8> {
     const DIGITS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut held, mut bits) = (0_usize, 0);
-    for digit in text.bytes().filter_map(|byte| DIGITS.iter().position(|it| *it == byte)) {
+    for digit in text
+        .bytes()
+        .filter_map(|byte| DIGITS.iter().position(|it| *it == byte))
+    {
         (held, bits) = (((held << 6) | digit) & 0xFFFF, bits + 6);
         if bits >= 8 {
             bits -= 8;

@@ -11,20 +11,30 @@ type Client = fn(SocketAddr, &[&str]) -> Vec<Value>;
 
 const CLIENTS: [(&str, Client); 3] = [
     ("pymodbus", pymodbus_client),
-    ("modbus-serial", |address, requests| npm_client("modbus-serial", address, requests)),
-    ("jsmodbus", |address, requests| npm_client("jsmodbus", address, requests)),
+    ("modbus-serial", |address, requests| {
+        npm_client("modbus-serial", address, requests)
+    }),
+    ("jsmodbus", |address, requests| {
+        npm_client("jsmodbus", address, requests)
+    }),
 ];
 
 /// Requests that every client knows, and the answers.
 const READS: &[(&str, &str)] = &[
     ("coils:101:0:4", r#"{"bits": [false, false, false, false]}"#),
-    ("discrete:101:0:4", r#"{"bits": [true, false, false, false]}"#),
+    (
+        "discrete:101:0:4",
+        r#"{"bits": [true, false, false, false]}"#,
+    ),
     ("read:101:0:1", r#"{"words": [1]}"#),
     ("read_input:101:20:2", r#"{"words": [500, 5000]}"#),
     ("read:255:3:1", r#"{"words": [1]}"#),
     ("read:1:529:1", r#"{"words": [3]}"#),
     ("read_input:1:529:2", r#"{"words": [3, 3]}"#),
-    ("read:1:274:20", r#"{"words": [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]}"#),
+    (
+        "read:1:274:20",
+        r#"{"words": [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]}"#,
+    ),
     ("coils:1:0:1", r#"{"exception": 1}"#),
     ("coils:101:3:2", r#"{"exception": 2}"#),
     ("discrete:101:16:1", r#"{"exception": 2}"#),
@@ -58,7 +68,11 @@ fn every_function_that_all_clients_have_is_answered_to_each_of_them() {
         let answers = client(plant.modbus, &requests);
         assert_eq!(answers.len(), READS.len(), "{name}");
         for ((request, expected), answer) in READS.iter().zip(&answers) {
-            assert_eq!(answer, &serde_json::from_str::<Value>(expected).unwrap(), "{name}: {request}");
+            assert_eq!(
+                answer,
+                &serde_json::from_str::<Value>(expected).unwrap(),
+                "{name}: {request}"
+            );
         }
     }
     assert_eq!(plant.written(), [], "refused means: nothing on the line");
@@ -67,7 +81,11 @@ fn every_function_that_all_clients_have_is_answered_to_each_of_them() {
         let requests: Vec<&str> = ORDERS.iter().map(|(request, ..)| *request).collect();
         let answers = client(plant.modbus, &requests);
         for ((request, expected, setpoint), answer) in ORDERS.iter().zip(&answers) {
-            assert_eq!(answer, &serde_json::from_str::<Value>(expected).unwrap(), "{name}: {request}");
+            assert_eq!(
+                answer,
+                &serde_json::from_str::<Value>(expected).unwrap(),
+                "{name}: {request}"
+            );
             setpoints.extend(setpoint.map(|word| (FREQUENCY, word)));
         }
     }
@@ -84,23 +102,51 @@ fn masks_reads_with_writes_and_identification_are_answered() {
     for (name, client) in &CLIENTS[..2] {
         let both = |words: &str| format!("both:101:257:1,257,{words}");
         let (mask, identity) = ("mask:101:257:65280,200", "identity:255:1:0");
-        let requests =
-            ["write:101:257:2500", mask, "read:101:257:1", &both("2600"), &both("5001"), identity, "identity:101:1:0"];
+        let requests = [
+            "write:101:257:2500",
+            mask,
+            "read:101:257:1",
+            &both("2600"),
+            &both("5001"),
+            identity,
+            "identity:101:1:0",
+        ];
         let answers = client(plant.modbus, &requests);
         assert_eq!(answers[1], json!({"masks": [65280, 200]}), "{name}");
-        assert_eq!(answers[2], json!({"words": [2504]}), "{name}: 2500 and FF00, or 00C8");
-        assert_eq!(answers[3], json!({"words": [2600]}), "{name}: written, then read");
+        assert_eq!(
+            answers[2],
+            json!({"words": [2504]}),
+            "{name}: 2500 and FF00, or 00C8"
+        );
+        assert_eq!(
+            answers[3],
+            json!({"words": [2600]}),
+            "{name}: written, then read"
+        );
         assert_eq!(answers[4], json!({"exception": 3}), "{name}");
         assert_eq!(answers[5], json!({"identity": text}), "{name}");
-        assert_eq!(answers[6], json!({"exception": 1}), "{name}: only the gateway itself is identified");
+        assert_eq!(
+            answers[6],
+            json!({"exception": 1}),
+            "{name}: only the gateway itself is identified"
+        );
     }
     // The N700 has no loop test, and 17 hex is not for the drive's own registers.
-    let others = ["loop:1:0:0x1234", "mask:1:4:0,0", "both:1:529:1,4,1", "flags:1:0:1", "discrete:1:0:1"];
+    let others = [
+        "loop:1:0:0x1234",
+        "mask:1:4:0,0",
+        "both:1:529:1,4,1",
+        "flags:1:0:1",
+        "discrete:1:0:1",
+    ];
     for (request, answer) in others.iter().zip(pymodbus_client(plant.modbus, &others)) {
         assert_eq!(answer, json!({"exception": 1}), "{request}");
     }
     let written: Vec<_> = plant.written();
-    assert_eq!(written, [2500, 2504, 2600, 2500, 2504, 2600].map(|word| (FREQUENCY, word)));
+    assert_eq!(
+        written,
+        [2500, 2504, 2600, 2500, 2504, 2600].map(|word| (FREQUENCY, word))
+    );
 }
 
 #[test]
@@ -114,10 +160,23 @@ fn many_requests_at_once_get_each_its_own_answer_and_a_second_connection_goes_on
         {"exception": 2}
     ]);
     for name in ["modbus-serial", "jsmodbus"] {
-        let requests = [together, together, "again", together, "read:101:20:1", "again", "again", "read:101:21:1"];
+        let requests = [
+            together,
+            together,
+            "again",
+            together,
+            "read:101:20:1",
+            "again",
+            "again",
+            "read:101:21:1",
+        ];
         let answers = npm_client(name, plant.modbus, &requests);
         let (first, second) = (json!({"words": [500]}), json!({"words": [5000]}));
-        assert_eq!(answers, [&expected, &expected, &expected, &first, &second].map(Clone::clone), "{name}");
+        assert_eq!(
+            answers,
+            [&expected, &expected, &expected, &first, &second].map(Clone::clone),
+            "{name}"
+        );
     }
 }
 
@@ -126,10 +185,17 @@ fn libmodbus_and_what_applies_of_its_own_test_client_pass() {
     let plant = Plant::new();
     let output = libmodbus(&plant.place.file(""), &plant.modbus.port().to_string(), 101);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success() && text.contains("ALL THAT APPLIES PASSES"), "{text}");
-    let (stops, others): (Vec<_>, Vec<_>) = plant.written().into_iter().partition(|it| *it == (RUN, 0));
+    assert!(
+        output.status.success() && text.contains("ALL THAT APPLIES PASSES"),
+        "{text}"
+    );
+    let (stops, others): (Vec<_>, Vec<_>) =
+        plant.written().into_iter().partition(|it| *it == (RUN, 0));
     assert!(!stops.is_empty());
-    assert_eq!(others, [3000, 2500, 2504, 2600].map(|word| (FREQUENCY, word)));
+    assert_eq!(
+        others,
+        [3000, 2500, 2504, 2600].map(|word| (FREQUENCY, word))
+    );
 }
 
 /// Function, what follows it, and the exception: quantities, byte counts, coil values and addresses that pass 65535.
@@ -180,7 +246,11 @@ fn every_limit_has_its_exact_exception_and_puts_nothing_on_the_line() {
         };
         let whole = [*pdu, &vec![0; bytes]].concat();
         let unit = if pdu[0] == 0x2B { 255 } else { 101 };
-        assert_eq!(client.ask(unit, &whole), [pdu[0] | 0x80, *code], "{pdu:02X?}");
+        assert_eq!(
+            client.ask(unit, &whole),
+            [pdu[0] | 0x80, *code],
+            "{pdu:02X?}"
+        );
     }
     plant.assert_nothing_was_written_since(0);
 }

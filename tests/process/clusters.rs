@@ -21,9 +21,14 @@ struct Manifests(Vec<Value>);
 impl Manifests {
     fn read() -> Self {
         let kustomization = documents_of("yaml", &[folder().join("kustomization.yaml")]).remove(0);
-        let listed =
-            kustomization["resources"].as_array().unwrap().iter().map(|it| folder().join(it.as_str().unwrap()));
-        let files: Vec<_> = listed.chain([folder().join("device-plugin.yaml")]).collect();
+        let listed = kustomization["resources"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| folder().join(it.as_str().unwrap()));
+        let files: Vec<_> = listed
+            .chain([folder().join("device-plugin.yaml")])
+            .collect();
         Self(documents_of("kubernetes", &files))
     }
 
@@ -32,7 +37,9 @@ impl Manifests {
     }
 
     fn only(&self, kind: &str) -> &Value {
-        let [it] = self.all(kind)[..] else { panic!("one {kind}") };
+        let [it] = self.all(kind)[..] else {
+            panic!("one {kind}")
+        };
         it
     }
 
@@ -53,8 +60,12 @@ fn every_file_is_listed_and_meets_the_schema() {
     let text = kustomization.to_string();
     for entry in std::fs::read_dir(folder()).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
-        let is_listed = text.contains(&name) || ["kustomization.yaml", "device-plugin.yaml"].contains(&name.as_str());
-        assert!(is_listed || !name.ends_with(".yaml"), "{name} is not applied");
+        let is_listed = text.contains(&name)
+            || ["kustomization.yaml", "device-plugin.yaml"].contains(&name.as_str());
+        assert!(
+            is_listed || !name.ends_with(".yaml"),
+            "{name} is not applied"
+        );
     }
     let namespace = &manifests.only("Namespace")["metadata"]["name"];
     assert_eq!(&kustomization["namespace"], namespace);
@@ -66,30 +77,58 @@ fn two_gateways_never_own_one_line_and_nothing_ends_one_by_itself() {
     let set = &manifests.only("StatefulSet")["spec"];
     // A Deployment starts a second pod while the host of the first is out of sight.
     assert!(manifests.all("Deployment").is_empty());
-    assert_eq!((&set["replicas"], &set["updateStrategy"]["type"]), (&1.into(), &"OnDelete".into()));
+    assert_eq!(
+        (&set["replicas"], &set["updateStrategy"]["type"]),
+        (&1.into(), &"OnDelete".into())
+    );
     let pod = &manifests.pod()["spec"];
     assert!(pod["terminationGracePeriodSeconds"].as_u64().unwrap() > END_MAX_S);
     let labels = &manifests.pod()["metadata"]["labels"];
-    let rules = &pod["affinity"]["podAntiAffinity"]["requiredDuringSchedulingIgnoredDuringExecution"][0];
+    let rules =
+        &pod["affinity"]["podAntiAffinity"]["requiredDuringSchedulingIgnoredDuringExecution"][0];
     assert_eq!(&rules["labelSelector"]["matchLabels"], labels);
     let budget = &manifests.only("PodDisruptionBudget")["spec"];
-    assert_eq!((&budget["maxUnavailable"], &budget["selector"]["matchLabels"]), (&0.into(), labels));
+    assert_eq!(
+        (
+            &budget["maxUnavailable"],
+            &budget["selector"]["matchLabels"]
+        ),
+        (&0.into(), labels)
+    );
     let endured = pod["tolerations"].as_array().unwrap();
-    for taint in ["node.kubernetes.io/unreachable", "node.kubernetes.io/not-ready"] {
+    for taint in [
+        "node.kubernetes.io/unreachable",
+        "node.kubernetes.io/not-ready",
+    ] {
         let toleration = endured.iter().find(|it| it["key"] == taint).unwrap();
-        assert_eq!((&toleration["effect"], &toleration["tolerationSeconds"]), (&"NoExecute".into(), &Value::Null));
+        assert_eq!(
+            (&toleration["effect"], &toleration["tolerationSeconds"]),
+            (&"NoExecute".into(), &Value::Null)
+        );
     }
     let container = &pod["containers"][0];
     let asked = |probe: &str| container[probe]["exec"]["command"].clone();
     let alive = json!(["vfd-gateway", "health", "--alive"]);
-    assert_eq!((asked("startupProbe"), asked("livenessProbe")), (alive.clone(), alive));
+    assert_eq!(
+        (asked("startupProbe"), asked("livenessProbe")),
+        (alive.clone(), alive)
+    );
     assert_eq!(asked("readinessProbe"), json!(["vfd-gateway", "health"]));
     for service in manifests.all("Service") {
         assert_eq!(&service["spec"]["selector"], labels);
-        assert_eq!(service["spec"]["publishNotReadyAddresses"], true, "a line that is down cuts off the others");
+        assert_eq!(
+            service["spec"]["publishNotReadyAddresses"], true,
+            "a line that is down cuts off the others"
+        );
     }
-    assert_eq!(&manifests.only("NetworkPolicy")["spec"]["podSelector"]["matchLabels"], labels);
-    assert_eq!(pod["priorityClassName"], manifests.only("PriorityClass")["metadata"]["name"]);
+    assert_eq!(
+        &manifests.only("NetworkPolicy")["spec"]["podSelector"]["matchLabels"],
+        labels
+    );
+    assert_eq!(
+        pod["priorityClassName"],
+        manifests.only("PriorityClass")["metadata"]["name"]
+    );
 }
 
 /// It may do everything on its host.
@@ -99,9 +138,19 @@ fn the_device_plugin_is_a_known_one_where_an_adapter_is_and_changes_when_somebod
     let plugin = &manifests.only("DaemonSet")["spec"];
     assert_eq!(plugin["updateStrategy"]["type"], "OnDelete");
     let pod = &plugin["template"]["spec"];
-    let (_, sum) = pod["containers"][0]["image"].as_str().unwrap().split_once("@sha256:").unwrap();
-    assert!(sum.len() == 64 && sum.bytes().all(|it| it.is_ascii_hexdigit()), "{sum}");
-    assert_eq!(pod["affinity"]["nodeAffinity"], manifests.pod()["spec"]["affinity"]["nodeAffinity"]);
+    let (_, sum) = pod["containers"][0]["image"]
+        .as_str()
+        .unwrap()
+        .split_once("@sha256:")
+        .unwrap();
+    assert!(
+        sum.len() == 64 && sum.bytes().all(|it| it.is_ascii_hexdigit()),
+        "{sum}"
+    );
+    assert_eq!(
+        pod["affinity"]["nodeAffinity"],
+        manifests.pod()["spec"]["affinity"]["nodeAffinity"]
+    );
 }
 
 #[test]
@@ -109,33 +158,69 @@ fn the_pod_has_what_its_configuration_names() {
     let manifests = Manifests::read();
     let file: toml::Table = configuration().parse().unwrap();
     let container = &manifests.pod()["spec"]["containers"][0];
-    let port = |listen: &toml::Value| listen.as_str().unwrap().rsplit_once(':').unwrap().1.parse::<u64>().unwrap();
+    let port = |listen: &toml::Value| {
+        listen
+            .as_str()
+            .unwrap()
+            .rsplit_once(':')
+            .unwrap()
+            .1
+            .parse::<u64>()
+            .unwrap()
+    };
     let named = |name: &str| {
         let ports = container["ports"].as_array().unwrap();
-        ports.iter().find(|it| it["name"] == name).unwrap()["containerPort"].as_u64().unwrap()
+        ports.iter().find(|it| it["name"] == name).unwrap()["containerPort"]
+            .as_u64()
+            .unwrap()
     };
     assert_eq!(named("modbus"), port(&file["modbus_tcp"][0]["listen"]));
     assert_eq!(named("http"), port(&file["http"]["listen"]));
-    let mounted: Vec<_> =
-        container["volumeMounts"].as_array().unwrap().iter().map(|it| it["mountPath"].as_str().unwrap()).collect();
-    for path in [&file["gateway"]["data_dir"], &file["mqtt"]["password_file"], &file["mqtt"]["ca_file"]] {
+    let mounted: Vec<_> = container["volumeMounts"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it["mountPath"].as_str().unwrap())
+        .collect();
+    for path in [
+        &file["gateway"]["data_dir"],
+        &file["mqtt"]["password_file"],
+        &file["mqtt"]["ca_file"],
+    ] {
         let path = path.as_str().unwrap();
-        assert!(mounted.iter().any(|it| path.starts_with(it)), "nothing is mounted for {path}");
+        assert!(
+            mounted.iter().any(|it| path.starts_with(it)),
+            "nothing is mounted for {path}"
+        );
     }
     let plugin = &manifests.only("DaemonSet")["spec"]["template"]["spec"]["containers"][0]["args"];
-    let args: Vec<_> = plugin.as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    let args: Vec<_> = plugin
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it.as_str().unwrap())
+        .collect();
     let after = |name: &str| args[args.iter().position(|it| *it == name).unwrap() + 1];
     let place = Place::new();
     let device = documents_of("yaml", &[place.write("device.yaml", after("--device"))]).remove(0);
     let resource = format!("{}/{}", after("--domain"), device["name"].as_str().unwrap());
     assert_eq!(container["resources"]["limits"][&resource], 1, "{resource}");
-    assert_eq!(device["groups"][0]["paths"][0]["mountPath"].as_str(), file["line"][0]["port"].as_str());
+    assert_eq!(
+        device["groups"][0]["paths"][0]["mountPath"].as_str(),
+        file["line"][0]["port"].as_str()
+    );
     let secured = &container["securityContext"];
     assert_eq!(
-        (&secured["readOnlyRootFilesystem"], &secured["allowPrivilegeEscalation"]),
+        (
+            &secured["readOnlyRootFilesystem"],
+            &secured["allowPrivilegeEscalation"]
+        ),
         (&true.into(), &false.into())
     );
-    assert_eq!(manifests.pod()["spec"]["securityContext"]["runAsNonRoot"], true);
+    assert_eq!(
+        manifests.pod()["spec"]["securityContext"]["runAsNonRoot"],
+        true
+    );
 }
 
 /// The gateway of the pod on this machine, with a drive.
@@ -173,17 +258,30 @@ impl Pod {
             let fields = fields(line)?;
             (fields["message"] == "drive online").then_some(())
         });
-        Self { socket: data.join("vfd-gateway.sock"), drive, _gateway: gateway, _place: place }
+        Self {
+            socket: data.join("vfd-gateway.sock"),
+            drive,
+            _gateway: gateway,
+            _place: place,
+        }
     }
 
     /// Whether the gateway says yes to what the manifests have as `probe`.
     fn passes(&self, probe: &Value) -> bool {
-        let words: Vec<_> =
-            probe["exec"]["command"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+        let words: Vec<_> = probe["exec"]["command"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| it.as_str().unwrap())
+            .collect();
         assert_eq!(words[0], "vfd-gateway");
         // In the image it lies where it is looked for.
-        let output = vfd_gateway(&[&words[1..], &["--socket", self.socket.to_str().unwrap()]].concat());
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{words:?}: {output:?}");
+        let output =
+            vfd_gateway(&[&words[1..], &["--socket", self.socket.to_str().unwrap()]].concat());
+        assert!(
+            matches!(output.status.code(), Some(0 | 1)),
+            "{words:?}: {output:?}"
+        );
         output.status.success()
     }
 }
@@ -196,10 +294,14 @@ fn the_probes_are_answered_and_a_broker_or_a_line_that_is_away_restarts_nothing(
     let answers = |pod: &Pod| probes.map(|probe| pod.passes(&container[probe]));
     let mut pod = Pod::new("");
     // What the log says of a drive is shown a moment later.
-    until("that it is ready", PATIENCE, || pod.passes(&container["readinessProbe"]).then_some(()));
+    until("that it is ready", PATIENCE, || {
+        pod.passes(&container["readinessProbe"]).then_some(())
+    });
     assert_eq!(answers(&pod), [true, true, true]);
     pod.drive.kill();
-    until("that the line is gone", PATIENCE, || (!pod.passes(&container["readinessProbe"])).then_some(()));
+    until("that the line is gone", PATIENCE, || {
+        (!pod.passes(&container["readinessProbe"])).then_some(())
+    });
     assert_eq!(answers(&pod), [true, true, false]);
     // Its gateway may still hold the name of the pseudo-terminal, which the next drive may get.
     drop(pod);

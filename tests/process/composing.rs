@@ -26,7 +26,15 @@ impl Delivered {
     fn new() -> Self {
         let place = Place::new();
         let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy");
-        assert!(Command::new("cp").arg("-r").arg(from).arg(place.file("deploy")).status().unwrap().success());
+        assert!(
+            Command::new("cp")
+                .arg("-r")
+                .arg(from)
+                .arg(place.file("deploy"))
+                .status()
+                .unwrap()
+                .success()
+        );
         // The files are made for users whom only root can give them to.
         let is_root = std::fs::metadata(place.file("deploy")).unwrap().uid() == 0;
         let delivered = Self { place, is_root };
@@ -45,7 +53,11 @@ impl Delivered {
         if !self.is_root {
             command.arg("--as-me");
         }
-        command.arg(name).env("PATH", path_with_sbin()).output().unwrap()
+        command
+            .arg(name)
+            .env("PATH", path_with_sbin())
+            .output()
+            .unwrap()
     }
 
     fn compose(&self, name: &str) -> PathBuf {
@@ -57,7 +69,9 @@ impl Delivered {
     }
 
     fn password(&self, user: &str) -> String {
-        self.text(&format!("secrets/passwords/{user}")).trim().to_owned()
+        self.text(&format!("secrets/passwords/{user}"))
+            .trim()
+            .to_owned()
     }
 
     /// What docker-compose makes of the files, with every profile.
@@ -71,7 +85,9 @@ impl Delivered {
         }
         command.args(["--profile", "monitoring", "--profile", "telegraf", "config"]);
         command.env("VFD_SERIAL_DEVICE", "/dev/serial/by-id/usb-x");
-        let output = command.output().expect("docker-compose; run tests/run, which installs it");
+        let output = command
+            .output()
+            .expect("docker-compose; run tests/run, which installs it");
         assert!(output.status.success(), "{}", said(&output));
         let file = self.place.file("composed.yaml");
         std::fs::write(&file, output.stdout).unwrap();
@@ -85,11 +101,18 @@ fn path_with_sbin() -> String {
 }
 
 fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
 }
 
 fn texts(value: &Value) -> Vec<&str> {
-    value.as_array().map(|it| it.iter().filter_map(Value::as_str).collect()).unwrap_or_default()
+    value
+        .as_array()
+        .map(|it| it.iter().filter_map(Value::as_str).collect())
+        .unwrap_or_default()
 }
 
 #[test]
@@ -97,10 +120,19 @@ fn docker_compose_takes_the_files_and_every_file_that_they_name_is_there() {
     let delivered = Delivered::new();
     let composed = delivered.composed(&["compose.yaml"]);
     let services = composed["services"].as_object().unwrap();
-    assert_eq!(services.keys().collect::<Vec<_>>(), ["gateway", "grafana", "mosquitto", "prometheus", "telegraf"]);
+    assert_eq!(
+        services.keys().collect::<Vec<_>>(),
+        ["gateway", "grafana", "mosquitto", "prometheus", "telegraf"]
+    );
     for (name, service) in services {
-        for source in texts(&service["volumes"]).iter().filter_map(|it| it.split(':').next()) {
-            assert!(!source.starts_with('/') || Path::new(source).exists(), "{name}: there is no {source}");
+        for source in texts(&service["volumes"])
+            .iter()
+            .filter_map(|it| it.split(':').next())
+        {
+            assert!(
+                !source.starts_with('/') || Path::new(source).exists(),
+                "{name}: there is no {source}"
+            );
         }
     }
     for (name, secret) in composed["secrets"].as_object().unwrap() {
@@ -110,27 +142,53 @@ fn docker_compose_takes_the_files_and_every_file_that_they_name_is_there() {
         assert_eq!(mode, expected, "{name}");
     }
     if delivered.is_root {
-        for (file, owner) in
-            [("gateway/mqtt-password", GATEWAY), ("mosquitto/users", BROKER), ("mosquitto/broker.key", BROKER)]
-        {
-            assert_eq!(std::fs::metadata(delivered.compose("secrets").join(file)).unwrap().uid(), owner, "{file}");
+        for (file, owner) in [
+            ("gateway/mqtt-password", GATEWAY),
+            ("mosquitto/users", BROKER),
+            ("mosquitto/broker.key", BROKER),
+        ] {
+            assert_eq!(
+                std::fs::metadata(delivered.compose("secrets").join(file))
+                    .unwrap()
+                    .uid(),
+                owner,
+                "{file}"
+            );
         }
     }
     // A file that is mounted alone stays the old one when another takes its place, and these two read anew while they run.
     for (name, files) in [
         ("gateway", &["mqtt-password", "broker-ca.pem"][..]),
-        ("mosquitto", &["users", "broker.pem", "broker.key", "broker-ca.pem", "mosquitto_sub"]),
+        (
+            "mosquitto",
+            &[
+                "users",
+                "broker.pem",
+                "broker.key",
+                "broker-ca.pem",
+                "mosquitto_sub",
+            ],
+        ),
     ] {
-        assert!(services[name]["secrets"].is_null(), "{name} mounts files alone");
+        assert!(
+            services[name]["secrets"].is_null(),
+            "{name} mounts files alone"
+        );
         let mounts = texts(&services[name]["volumes"]);
-        let folder = mounts.iter().find_map(|it| it.strip_suffix(":/run/secrets:ro")).unwrap();
+        let folder = mounts
+            .iter()
+            .find_map(|it| it.strip_suffix(":/run/secrets:ro"))
+            .unwrap();
         for file in files {
             assert!(Path::new(folder).join(file).is_file(), "{name}: no {file}");
         }
     }
     let replug = delivered.composed(&["compose.yaml", "compose.replug.yaml"]);
     let gateway = &replug["services"]["gateway"];
-    assert!(texts(&gateway["volumes"]).contains(&"/dev:/dev:rw") && !texts(&gateway["device_cgroup_rules"]).is_empty());
+    assert!(
+        texts(&gateway["volumes"]).contains(&"/dev:/dev:rw")
+            && !texts(&gateway["device_cgroup_rules"]).is_empty()
+    );
 }
 
 #[test]
@@ -139,19 +197,37 @@ fn every_container_is_locked_in_and_the_gateway_has_time_to_end() {
     for (name, service) in composed["services"].as_object().unwrap() {
         assert_eq!(service["read_only"], true, "{name}");
         assert_eq!(texts(&service["cap_drop"]), ["ALL"], "{name}");
-        assert_eq!(texts(&service["security_opt"]), ["no-new-privileges:true"], "{name}");
+        assert_eq!(
+            texts(&service["security_opt"]),
+            ["no-new-privileges:true"],
+            "{name}"
+        );
         assert_eq!(service["restart"], "unless-stopped", "{name}");
-        assert!(service["privileged"].is_null() && service["cap_add"].is_null(), "{name}");
+        assert!(
+            service["privileged"].is_null() && service["cap_add"].is_null(),
+            "{name}"
+        );
         let user = service["user"].as_str().unwrap();
-        assert!(user.split(':').all(|id| id.parse::<u32>().is_ok_and(|id| id > 0)), "{name} runs as {user}");
+        assert!(
+            user.split(':')
+                .all(|id| id.parse::<u32>().is_ok_and(|id| id > 0)),
+            "{name} runs as {user}"
+        );
     }
     let gateway = &composed["services"]["gateway"];
-    assert_eq!(gateway["network_mode"], "host", "the addresses of the clients are kept");
-    let grace = gateway["stop_grace_period"].as_str().unwrap().trim_end_matches('s');
+    assert_eq!(
+        gateway["network_mode"], "host",
+        "the addresses of the clients are kept"
+    );
+    let grace = gateway["stop_grace_period"]
+        .as_str()
+        .unwrap()
+        .trim_end_matches('s');
     assert!(grace.parse::<u64>().unwrap() > END_MAX_S, "{grace}");
     let device = texts(&gateway["devices"])[0].split(':').nth(1).unwrap();
-    let file =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/compose/gateway/vfd-gateway.toml"));
+    let file = std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/compose/gateway/vfd-gateway.toml"),
+    );
     let file: toml::Table = file.unwrap().parse().unwrap();
     assert_eq!(file["line"][0]["port"].as_str(), Some(device));
 }
@@ -163,12 +239,24 @@ fn both_files_for_telegraf_read_the_state_alike() {
     let rest = |file: &str, differs: &[&str]| {
         let text = std::fs::read_to_string(deploy.join(file)).unwrap();
         let (_, text) = text.split_once("[agent]").unwrap();
-        let kept =
-            text.lines().filter(|line| !differs.iter().any(|it| line.trim_start_matches(['#', ' ']).starts_with(it)));
+        let kept = text.lines().filter(|line| {
+            !differs
+                .iter()
+                .any(|it| line.trim_start_matches(['#', ' ']).starts_with(it))
+        });
         kept.map(str::to_owned).collect::<Vec<_>>()
     };
-    let differs = ["servers = ", "topics = ", "username = ", "password = ", "tls_ca = "];
-    let (one, other) = (rest("telegraf/telegraf.conf", &differs), rest("compose/telegraf.conf", &differs));
+    let differs = [
+        "servers = ",
+        "topics = ",
+        "username = ",
+        "password = ",
+        "tls_ca = ",
+    ];
+    let (one, other) = (
+        rest("telegraf/telegraf.conf", &differs),
+        rest("compose/telegraf.conf", &differs),
+    );
     assert!(one.len() > 30);
     assert_eq!(one, other);
 }
@@ -185,12 +273,18 @@ impl Running {
     fn new() -> Self {
         let delivered = Delivered::new();
         let port = free_port();
-        let (health, data) = (delivered.place.file("health"), delivered.place.file("broker-data"));
+        let (health, data) = (
+            delivered.place.file("health"),
+            delivered.place.file("broker-data"),
+        );
         std::fs::create_dir(&health).unwrap();
         std::fs::create_dir(&data).unwrap();
         // With what compose.yaml mounts there for `service`.
         let here = |service: &str, text: &str| {
-            let (secrets, config) = (delivered.compose("secrets").join(service), delivered.compose("mosquitto"));
+            let (secrets, config) = (
+                delivered.compose("secrets").join(service),
+                delivered.compose("mosquitto"),
+            );
             [
                 ("/run/secrets/", format!("{}/", secrets.display())),
                 ("/mosquitto/config/", format!("{}/", config.display())),
@@ -198,14 +292,23 @@ impl Running {
                 ("8883", port.to_string()),
             ]
             .iter()
-            .fold(text.to_owned(), |text, (there, here)| text.replace(there, here))
+            .fold(text.to_owned(), |text, (there, here)| {
+                text.replace(there, here)
+            })
         };
         // On loopback only; and root's broker would become another user, who may not read here.
-        let text = here("mosquitto", &delivered.text("mosquitto/mosquitto.conf"))
-            .replace(&format!("listener {port}"), &format!("listener {port} 127.0.0.1"));
+        let text = here("mosquitto", &delivered.text("mosquitto/mosquitto.conf")).replace(
+            &format!("listener {port}"),
+            &format!("listener {port} 127.0.0.1"),
+        );
         let user = if delivered.is_root { "user root\n" } else { "" };
-        let file = delivered.place.write("mosquitto.conf", &format!("{text}{user}"));
-        let options = here("mosquitto", &delivered.text("secrets/mosquitto/mosquitto_sub"));
+        let file = delivered
+            .place
+            .write("mosquitto.conf", &format!("{text}{user}"));
+        let options = here(
+            "mosquitto",
+            &delivered.text("secrets/mosquitto/mosquitto_sub"),
+        );
         std::fs::write(health.join("mosquitto_sub"), options).unwrap();
         let broker = Mosquitto::with_file(file, port);
         let line = delivered.place.file("line");
@@ -218,13 +321,25 @@ impl Running {
             let fields = fields(line)?;
             (fields["message"] == "drive online").then_some(())
         });
-        Self { delivered, broker, gateway, _drive: drive }
+        Self {
+            delivered,
+            broker,
+            gateway,
+            _drive: drive,
+        }
     }
 
     /// What a client says of itself as `user`.
     fn credentials(&self, user: &str) -> Vec<String> {
         let ca = self.delivered.compose("secrets/broker-ca.pem");
-        let words = ["--cafile", ca.to_str().unwrap(), "-u", user, "-P", &self.delivered.password(user)];
+        let words = [
+            "--cafile",
+            ca.to_str().unwrap(),
+            "-u",
+            user,
+            "-P",
+            &self.delivered.password(user),
+        ];
         words.iter().map(|it| (*it).to_owned()).collect()
     }
 
@@ -244,7 +359,20 @@ impl Running {
     fn pub_as(&self, credentials: &[String], topic: &str, payload: &str) -> Output {
         let port = self.broker.address().port().to_string();
         let mut command = Command::new("mosquitto_pub");
-        command.args(["-h", "127.0.0.1", "-p", &port, "-V", "mqttv5", "-q", "1", "-t", topic, "-m", payload]);
+        command.args([
+            "-h",
+            "127.0.0.1",
+            "-p",
+            &port,
+            "-V",
+            "mqttv5",
+            "-q",
+            "1",
+            "-t",
+            topic,
+            "-m",
+            payload,
+        ]);
         command.args(credentials).output().unwrap()
     }
 }
@@ -254,8 +382,14 @@ fn configuration(delivered: &Delivered, line: &Path) -> String {
     let text = delivered.text("gateway/vfd-gateway.toml");
     let (before, commented) = text.split_once("# [line.drive.control]\n").unwrap();
     let (control, after) = commented.split_once("\n\n").unwrap();
-    let control: Vec<_> = control.lines().map(|line| line.strip_prefix("# ").unwrap()).collect();
-    let text = format!("{before}[line.drive.control]\n{}\n\n{after}", control.join("\n"));
+    let control: Vec<_> = control
+        .lines()
+        .map(|line| line.strip_prefix("# ").unwrap())
+        .collect();
+    let text = format!(
+        "{before}[line.drive.control]\n{}\n\n{after}",
+        control.join("\n")
+    );
     let data = delivered.place.file("data");
     [
         ("/dev/vfd-line-1", line.to_str().unwrap()),
@@ -281,7 +415,9 @@ fn each_user_of_the_broker_may_what_it_is_there_for_and_nothing_else() {
 
     let drive = "vfd/plant-a/drive/pump-1";
     assert!(running.publishes("home-assistant", &format!("{drive}/frequency/set"), "20.5"));
-    watchman.wait_for("/result", |it| it.payload.contains("\"confirmed\"").then_some(()));
+    watchman.wait_for("/result", |it| {
+        it.payload.contains("\"confirmed\"").then_some(())
+    });
     assert!(running.publishes("scada", "vfd/plant-a/by/scada/drive/pump-1/run/set", "stop"));
     assert!(running.publishes("watchman", "vfd/plant-a/all/run/set", "stop"));
 
@@ -290,19 +426,34 @@ fn each_user_of_the_broker_may_what_it_is_there_for_and_nothing_else() {
         ("telegraf", format!("{drive}/run/set")),
         ("health", "vfd/plant-a/all/run/set".to_owned()),
         ("scada", format!("{drive}/run/set")),
-        ("scada", "vfd/plant-a/by/somebody-else/drive/pump-1/run/set".to_owned()),
-        ("home-assistant", "vfd/plant-a/by/scada/drive/pump-1/run/set".to_owned()),
+        (
+            "scada",
+            "vfd/plant-a/by/somebody-else/drive/pump-1/run/set".to_owned(),
+        ),
+        (
+            "home-assistant",
+            "vfd/plant-a/by/scada/drive/pump-1/run/set".to_owned(),
+        ),
         ("home-assistant", format!("{drive}/state")),
         ("plant-a", "vfd/plant-b/drive/pump-1/run/set".to_owned()),
-        ("plant-a", "homeassistant/sensor/vfd-gateway-plant-b/x/config".to_owned()),
+        (
+            "plant-a",
+            "homeassistant/sensor/vfd-gateway-plant-b/x/config".to_owned(),
+        ),
     ] {
-        assert!(!running.publishes(user, &topic, "stop"), "{user} may publish at {topic}");
+        assert!(
+            !running.publishes(user, &topic, "stop"),
+            "{user} may publish at {topic}"
+        );
     }
     // Telegraf asks for everything and is given the states.
     let telegraf = running.subscribed("telegraf", "#");
     telegraf.wait_for("drive/pump-1/state", |_| Some(()));
     for part in ["status", "availability", "info", "result"] {
-        assert!(!telegraf.has(&format!("plant-a/{part}")) && !telegraf.has(&format!("pump-1/{part}")), "{part}");
+        assert!(
+            !telegraf.has(&format!("plant-a/{part}")) && !telegraf.has(&format!("pump-1/{part}")),
+            "{part}"
+        );
     }
 }
 
@@ -311,19 +462,30 @@ fn anyone_who_is_not_known_or_not_encrypted_is_turned_away() {
     let running = Running::new();
     let topic = "vfd/plant-a/all/run/set";
     let ca = running.credentials("watchman")[..2].to_vec();
-    let with = |more: &[&str]| [ca.clone(), more.iter().map(|it| (*it).to_owned()).collect()].concat();
-    for credentials in
-        [with(&[]), with(&["-u", "watchman", "-P", "guessed"]), with(&["-u", "stranger", "-P", "guessed"])]
-    {
+    let with =
+        |more: &[&str]| [ca.clone(), more.iter().map(|it| (*it).to_owned()).collect()].concat();
+    for credentials in [
+        with(&[]),
+        with(&["-u", "watchman", "-P", "guessed"]),
+        with(&["-u", "stranger", "-P", "guessed"]),
+    ] {
         let output = running.pub_as(&credentials, topic, "stop");
-        assert!(!output.status.success() && said(&output).contains("ot authori"), "{credentials:?}: {}", said(&output));
+        assert!(
+            !output.status.success() && said(&output).contains("ot authori"),
+            "{credentials:?}: {}",
+            said(&output)
+        );
     }
     let plain = running.credentials("watchman")[2..].to_vec();
-    assert!(!running.pub_as(&plain, topic, "stop").status.success(), "without TLS");
+    assert!(
+        !running.pub_as(&plain, topic, "stop").status.success(),
+        "without TLS"
+    );
 }
 
 #[test]
-fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_adds_a_user_and_keeps_the_rest() {
+fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_adds_a_user_and_keeps_the_rest()
+ {
     let running = Running::new();
     let composed = running.delivered.composed(&["compose.yaml"]);
     let test = &composed["services"]["mosquitto"]["healthcheck"]["test"];
@@ -332,22 +494,44 @@ fn the_health_check_of_the_broker_works_and_a_second_run_of_the_script_adds_a_us
     let mut command = Command::new(words[1]);
     // Compose makes one dollar of two.
     command.args(words[2..].iter().map(|it| it.replace("$$", "$")));
-    let output = command.env("XDG_CONFIG_HOME", running.delivered.place.file("health")).output().unwrap();
-    assert!(output.status.success() && said(&output).contains("seconds"), "{}", said(&output));
+    let output = command
+        .env("XDG_CONFIG_HOME", running.delivered.place.file("health"))
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success() && said(&output).contains("seconds"),
+        "{}",
+        said(&output)
+    );
 
     let kept = |name: &str| running.delivered.text(&format!("secrets/{name}"));
-    let names = ["passwords/plant-a", "mosquitto/broker.pem", "broker-ca.pem", "gateway/mqtt-password"];
+    let names = [
+        "passwords/plant-a",
+        "mosquitto/broker.pem",
+        "broker-ca.pem",
+        "gateway/mqtt-password",
+    ];
     let before = names.map(kept);
-    let acl = running.delivered.text("mosquitto/acl") + "\nuser plant-b\ntopic readwrite vfd/plant-b/#\n";
+    let acl =
+        running.delivered.text("mosquitto/acl") + "\nuser plant-b\ntopic readwrite vfd/plant-b/#\n";
     std::fs::write(running.delivered.compose("mosquitto/acl"), acl).unwrap();
     running.delivered.make_secrets();
     assert_eq!(names.map(kept), before);
     assert!(!running.delivered.password("plant-b").is_empty());
     let users = kept("mosquitto/users");
-    assert!(users.contains("plant-b:$") && !users.contains(&running.delivered.password("plant-b")), "hashes alone");
+    assert!(
+        users.contains("plant-b:$") && !users.contains(&running.delivered.password("plant-b")),
+        "hashes alone"
+    );
     running.broker.read_anew();
     let (mine, topic) = (running.credentials("plant-b"), "vfd/plant-b/status");
-    until("the broker knows the user", PATIENCE, || running.pub_as(&mine, topic, "x").status.success().then_some(()));
+    until("the broker knows the user", PATIENCE, || {
+        running
+            .pub_as(&mine, topic, "x")
+            .status
+            .success()
+            .then_some(())
+    });
     drop(running.gateway);
 }
 
@@ -356,7 +540,11 @@ fn a_name_that_is_not_in_the_certificate_that_stays_is_not_passed_over() {
     let delivered = Delivered::new();
     let file = "secrets/mosquitto/broker.pem";
     let before = delivered.text(file);
-    assert_says(&delivered.run_script("10.0.0.6"), 2, &["`10.0.0.6` is not in", file, "IP Address:10.0.0.5"]);
+    assert_says(
+        &delivered.run_script("10.0.0.6"),
+        2,
+        &["`10.0.0.6` is not in", file, "IP Address:10.0.0.5"],
+    );
     assert_eq!(delivered.text(file), before);
     std::fs::remove_file(delivered.compose(file)).unwrap();
     for _ in 0..2 {

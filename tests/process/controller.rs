@@ -21,17 +21,31 @@ const REVERSE: u16 = 2;
 const NEVER_FOUND: u32 = 1_000_000;
 
 fn delivered(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/plc").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("deploy/plc")
+        .join(name)
 }
 
 #[test]
 fn the_table_beside_it_is_the_gateways_own() {
     let unit = UNIT.to_string();
     let file = delivered("vfd-gateway.toml");
-    let output = vfd_gateway(&["map", "-c", file.to_str().unwrap(), "--unit", &unit, "--format", "csv"]);
+    let output = vfd_gateway(&[
+        "map",
+        "-c",
+        file.to_str().unwrap(),
+        "--unit",
+        &unit,
+        "--format",
+        "csv",
+    ]);
     assert!(output.status.success());
     let table = std::fs::read_to_string(delivered("uniform-map.csv")).unwrap();
-    assert_eq!(String::from_utf8(output.stdout).unwrap(), table, "vfd-gateway map prints another one");
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        table,
+        "vfd-gateway map prints another one"
+    );
 }
 
 /// A controller before a gateway with a drive that trips when it is told to.
@@ -51,18 +65,38 @@ impl Cabinet {
         let (line, data) = (place.file("line"), place.file("data"));
         std::fs::create_dir(&data).unwrap();
         let mut command = program();
-        command.args(["simulate", "--model", "frecon-fr500a", "--trip-on-enter", "--link"]).arg(&line);
+        command
+            .args([
+                "simulate",
+                "--model",
+                "frecon-fr500a",
+                "--trip-on-enter",
+                "--link",
+            ])
+            .arg(&line);
         let drive = Started::at_a_keyboard(command);
-        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        drive.wait_for("that it plays", |line| {
+            line.contains("station 1").then_some(())
+        });
         let port = free_port();
         let file = place.write("gateway.toml", &configuration(&line, &data, port));
         let gateway = Some(run(&file));
         let address = SocketAddr::from(([127, 0, 0, 1], port));
         let controller = controller(&delivered("vfd-drive.st"), address, UNIT);
         until("the controller's first cycle", START_MAX, || {
-            controller.find_all(|line| line.starts_with('{').then_some(())).pop()
+            controller
+                .find_all(|line| line.starts_with('{').then_some(()))
+                .pop()
         });
-        Self { controller, gateway, drive, file, port, told: 0, _place: place }
+        Self {
+            controller,
+            gateway,
+            drive,
+            file,
+            port,
+            told: 0,
+            _place: place,
+        }
     }
 
     fn set(&mut self, inputs: &Value) {
@@ -77,7 +111,8 @@ impl Cabinet {
 
     /// All that the block has put out so far.
     fn outputs(&self) -> Vec<Value> {
-        self.controller.find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
+        self.controller
+            .find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
     }
 
     /// Waits until it puts these out, as it was when the last inputs were set or later.
@@ -87,17 +122,30 @@ impl Cabinet {
             let found: Value = serde_json::from_str(line).ok().filter(Value::is_object)?;
             seen += 1;
             let wanted = outputs.as_object().unwrap();
-            (seen > self.told && wanted.iter().all(|(name, value)| found[name] == *value)).then_some(found)
+            (seen > self.told && wanted.iter().all(|(name, value)| found[name] == *value))
+                .then_some(found)
         })
     }
 
     /// Resets the trip as somebody at the controller's own host does.
     fn reset(&self) {
         let port = self.port.to_string();
-        until("the reset is taken, as soon as the stop has shown its effect", PATIENCE, || {
-            let output = vfd_gateway(&["write", "--port", &port, "--unit", &UNIT.to_string(), "run", "reset"]);
-            output.status.success().then_some(())
-        });
+        until(
+            "the reset is taken, as soon as the stop has shown its effect",
+            PATIENCE,
+            || {
+                let output = vfd_gateway(&[
+                    "write",
+                    "--port",
+                    &port,
+                    "--unit",
+                    &UNIT.to_string(),
+                    "run",
+                    "reset",
+                ]);
+                output.status.success().then_some(())
+            },
+        );
     }
 
     /// What it has put out since [`look_from_now_on`](Self::look_from_now_on).
@@ -107,8 +155,16 @@ impl Cabinet {
 
     fn run_state(&self) -> String {
         let port = self.port.to_string();
-        let output =
-            vfd_gateway(&["read", "--port", &port, "--unit", &UNIT.to_string(), "--uniform", "run_state", "--json"]);
+        let output = vfd_gateway(&[
+            "read",
+            "--port",
+            &port,
+            "--unit",
+            &UNIT.to_string(),
+            "--uniform",
+            "run_state",
+            "--json",
+        ]);
         let read: Value = serde_json::from_slice(&output.stdout).unwrap();
         read["values"][0]["value"].as_str().unwrap().to_owned()
     }
@@ -116,7 +172,9 @@ impl Cabinet {
     /// Starts with 20 Hz as somebody at a desk does, and lets the button go.
     fn start_at_20_hz(&mut self) {
         self.set(&json!({ "Enable": true, "Setpoint_Hz": 20.0 }));
-        self.wait_for(&json!({ "Inhibited": false, "WriteEnable": true, "Running": false, "Tripped": false }));
+        self.wait_for(
+            &json!({ "Inhibited": false, "WriteEnable": true, "Running": false, "Tripped": false }),
+        );
         self.set(&json!({ "Start": true }));
         self.wait_for(&json!({ "Wanted": true, "Running": true, "Output_Hz": 20.0 }));
     }
@@ -154,14 +212,22 @@ fn it_starts_sets_turns_round_and_stops_the_drive() {
     cabinet.start_at_20_hz();
     cabinet.set(&json!({ "Setpoint_Hz": 80.0 }));
     let refused = cabinet.wait_for(&json!({ "SetpointRefused": true }));
-    assert_eq!(refused["Command"], json!([FORWARD, 2000]), "the last good setpoint holds");
+    assert_eq!(
+        refused["Command"],
+        json!([FORWARD, 2000]),
+        "the last good setpoint holds"
+    );
     cabinet.set(&json!({ "Setpoint_Hz": 25.5 }));
     cabinet.wait_for(&json!({ "SetpointRefused": false, "Output_Hz": 25.5 }));
     cabinet.set(&json!({ "Stop": true }));
-    cabinet.wait_for(&json!({ "Wanted": false, "Command": [STOP, 2550], "Running": false, "Output_Hz": 0.0 }));
+    cabinet.wait_for(
+        &json!({ "Wanted": false, "Command": [STOP, 2550], "Running": false, "Output_Hz": 0.0 }),
+    );
     cabinet.set(&json!({ "Stop": false, "Start": false, "Reverse": true }));
     cabinet.set(&json!({ "Start": true }));
-    cabinet.wait_for(&json!({ "Wanted": true, "Command": [REVERSE, 2550], "Running": true, "Output_Hz": 25.5 }));
+    cabinet.wait_for(
+        &json!({ "Wanted": true, "Command": [REVERSE, 2550], "Running": true, "Output_Hz": 25.5 }),
+    );
 }
 
 #[test]
@@ -173,7 +239,9 @@ fn a_start_that_is_held_starts_nothing_after_a_trip_or_a_restart() {
     cabinet.wait_for(&json!({ "Tripped": true, "Wanted": false, "Running": false }));
     cabinet.look_from_now_on();
     cabinet.reset();
-    cabinet.wait_for(&json!({ "Tripped": false, "Inhibited": false, "Wanted": false, "Running": false }));
+    cabinet.wait_for(
+        &json!({ "Tripped": false, "Inhibited": false, "Wanted": false, "Running": false }),
+    );
     cabinet.set(&json!({ "Start": false }));
     cabinet.start_at_20_hz();
 
@@ -183,8 +251,14 @@ fn a_start_that_is_held_starts_nothing_after_a_trip_or_a_restart() {
     cabinet.look_from_now_on();
     cabinet.gateway = Some(run(&cabinet.file));
     // It finds the drive running, and the first that it writes is a stop.
-    cabinet.wait_for(&json!({ "Online": true, "Wanted": false, "Command": [STOP, 2000], "Output_Hz": 0.0 }));
-    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "{:?}", cabinet.since());
+    cabinet.wait_for(
+        &json!({ "Online": true, "Wanted": false, "Command": [STOP, 2000], "Output_Hz": 0.0 }),
+    );
+    assert!(
+        cabinet.since().iter().all(|it| it["Wanted"] == false),
+        "{:?}",
+        cabinet.since()
+    );
     cabinet.set(&json!({ "Start": false }));
     cabinet.start_at_20_hz();
 }
@@ -202,10 +276,18 @@ fn a_lost_read_stops_nothing_and_a_lost_gateway_ends_the_order() {
     assert!(cabinet.since().iter().all(kept), "{:?}", cabinet.since());
 
     cabinet.set(&json!({ "LostTime": 2.0, "lost": NEVER_FOUND }));
-    cabinet.wait_for(&json!({ "Online": false, "Wanted": false, "WriteEnable": false, "Command": [STOP, 2000] }));
+    cabinet.wait_for(
+        &json!({ "Online": false, "Wanted": false, "WriteEnable": false, "Command": [STOP, 2000] }),
+    );
     cabinet.set(&json!({ "lost": 0 }));
-    cabinet.wait_for(&json!({ "Online": true, "Wanted": false, "WriteEnable": true, "Running": false }));
-    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "Start was held: {:?}", cabinet.since());
+    cabinet.wait_for(
+        &json!({ "Online": true, "Wanted": false, "WriteEnable": true, "Running": false }),
+    );
+    assert!(
+        cabinet.since().iter().all(|it| it["Wanted"] == false),
+        "Start was held: {:?}",
+        cabinet.since()
+    );
 }
 
 #[test]
@@ -214,8 +296,14 @@ fn a_stop_is_written_although_nothing_is_answered_and_a_start_is_not_kept() {
     cabinet.start_at_20_hz();
     cabinet.set(&json!({ "LostTime": 600.0, "lost": NEVER_FOUND, "Stop": true }));
     cabinet.wait_for(&json!({ "Wanted": false, "WriteEnable": true, "Command": [STOP, 2000] }));
-    until("the drive stands still", PATIENCE, || (cabinet.run_state() == "stopped").then_some(()));
-    let lost = cabinet.gateway.as_ref().unwrap().find_all(|line| line.contains("commander lost").then_some(()));
+    until("the drive stands still", PATIENCE, || {
+        (cabinet.run_state() == "stopped").then_some(())
+    });
+    let lost = cabinet
+        .gateway
+        .as_ref()
+        .unwrap()
+        .find_all(|line| line.contains("commander lost").then_some(()));
     assert!(lost.is_empty(), "it was the gateway that stopped it");
     cabinet.set(&json!({ "Stop": false, "Start": false }));
     cabinet.set(&json!({ "Start": true }));
@@ -223,5 +311,9 @@ fn a_stop_is_written_although_nothing_is_answered_and_a_start_is_not_kept() {
     cabinet.wait_for(&json!({ "SetpointRefused": true, "Wanted": false, "WriteEnable": false }));
     cabinet.set(&json!({ "lost": 0 }));
     cabinet.wait_for(&json!({ "SetpointRefused": true, "WriteEnable": true, "Running": false }));
-    assert!(cabinet.since().iter().all(|it| it["Wanted"] == false), "{:?}", cabinet.since());
+    assert!(
+        cabinet.since().iter().all(|it| it["Wanted"] == false),
+        "{:?}",
+        cabinet.since()
+    );
 }

@@ -45,16 +45,31 @@ impl Site {
     fn new(seed: u64) -> Self {
         let place = Place::new();
         let broker = Mosquitto::start(&place.file(""));
-        let drives: Vec<_> = FAMILIES.iter().map(|family| Drive::new(family, &place)).collect();
+        let drives: Vec<_> = FAMILIES
+            .iter()
+            .map(|family| Drive::new(family, &place))
+            .collect();
         std::fs::create_dir(place.file("data")).unwrap();
         // The same address in every life, as in a plant.
         let modbus = SocketAddr::from(([127, 0, 0, 1], free_port()));
         let mqtt = format!("[mqtt]\nbroker = \"mqtt://{}\"\n", broker.address());
-        let file = place.write("gateway.toml", &configuration(&place, &FAMILIES, modbus, &mqtt));
+        let file = place.write(
+            "gateway.toml",
+            &configuration(&place, &FAMILIES, modbus, &mqtt),
+        );
         let events = Subscriber::new(&broker, "mqttv5", "vfd/plant/drive/+/trip/event");
         let all = Subscriber::new(&broker, "mqttv5", "vfd/plant/#");
         let (random, orders) = (fastrand::Rng::with_seed(seed), vec![0; drives.len()]);
-        let site = Self { events, file, modbus, random, drives, orders, _broker: broker, place };
+        let site = Self {
+            events,
+            file,
+            modbus,
+            random,
+            drives,
+            orders,
+            _broker: broker,
+            place,
+        };
         // What counts begins with the first count that is kept: a drive that was never seen has no trips that could be missed.
         let _gateway = site.gateway();
         for drive in &site.drives {
@@ -78,11 +93,18 @@ impl Site {
         let run = program();
         let mut command = Command::new("strace");
         // As a grandchild, so that the gateway is the process that is started here and ends with the test.
-        command.args(["-D", "-f", "-qq", "-o", "/dev/null", "-e"]).arg(format!("inject=all:signal=KILL:when={n}"));
+        command
+            .args(["-D", "-f", "-qq", "-o", "/dev/null", "-e"])
+            .arg(format!("inject=all:signal=KILL:when={n}"));
         for name in JOURNAL {
             command.arg("-P").arg(self.place.file("data").join(name));
         }
-        command.arg(run.get_program()).args(run.get_args()).arg("run").arg("-c").arg(&self.file);
+        command
+            .arg(run.get_program())
+            .args(run.get_args())
+            .arg("run")
+            .arg("-c")
+            .arg(&self.file);
         Started::new(command)
     }
 
@@ -93,7 +115,11 @@ impl Site {
         let life = Duration::from_millis(self.random.u64(300..1800));
         // Half of them at any moment from the start on, the others when there is something to be cut off. One that is
         // observed starts slowly, and dies early if it makes the call early.
-        let mut dies_at = if is_observed || self.random.bool() { None } else { Some(born + life) };
+        let mut dies_at = if is_observed || self.random.bool() {
+            None
+        } else {
+            Some(born + life)
+        };
         let mut first_order = vec![None; self.drives.len()];
         while Instant::now() < dies_at.unwrap_or(born + PATIENCE) && !gateway.has_ended() {
             let place = self.random.usize(0..self.drives.len());
@@ -117,7 +143,11 @@ impl Site {
         for (drive, first_order) in self.drives.iter().zip(first_order) {
             let unordered = drive.runs_between(born, first_order.unwrap_or_else(Instant::now));
             let name = drive.family.name;
-            assert_eq!(unordered, [], "{name}: RUN without an order since the gateway began again");
+            assert_eq!(
+                unordered,
+                [],
+                "{name}: RUN without an order since the gateway began again"
+            );
         }
         was_observed
     }
@@ -141,18 +171,39 @@ impl Site {
     /// The rows of one table of the journal.
     fn rows(&self, which: &str) -> Vec<Value> {
         let data = self.place.file("data");
-        let args = ["journal", which, "--json", "--last", "100000", "--data-dir", data.to_str().unwrap()];
+        let args = [
+            "journal",
+            which,
+            "--json",
+            "--last",
+            "100000",
+            "--data-dir",
+            data.to_str().unwrap(),
+        ];
         let said = vfd_gateway(&args);
-        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        assert!(
+            said.status.success(),
+            "{}",
+            String::from_utf8_lossy(&said.stderr)
+        );
         let text = String::from_utf8(said.stdout).unwrap();
-        text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap()).collect()
+        text.lines()
+            .map(|line| serde_json::from_str::<Value>(line).unwrap())
+            .collect()
     }
 
     /// What the journal says about trips.
     fn kept(&self) -> Trips {
         let mut kept = BTreeMap::new();
-        for row in self.rows("trips").iter().filter(|row| row["kind"] == "tripped") {
-            let trip = (row["name"].as_str().unwrap().to_owned(), row["body"]["trips"].as_u64().unwrap());
+        for row in self
+            .rows("trips")
+            .iter()
+            .filter(|row| row["kind"] == "tripped")
+        {
+            let trip = (
+                row["name"].as_str().unwrap().to_owned(),
+                row["body"]["trips"].as_u64().unwrap(),
+            );
             let again = kept.insert(row["number"].as_u64().unwrap(), trip);
             assert_eq!(again, None, "a number twice: {row}");
         }
@@ -168,19 +219,30 @@ impl Site {
             match told.iter().find(|(number, _)| *number == seq) {
                 Some((_, first)) => assert_eq!(*first, event, "one number, two events"),
                 None => {
-                    assert!(told.last().is_none_or(|(last, _)| *last < seq), "out of order: {event}");
+                    assert!(
+                        told.last().is_none_or(|(last, _)| *last < seq),
+                        "out of order: {event}"
+                    );
                     told.push((seq, event));
                 }
             }
         }
-        let trips = told.into_iter().filter(|(_, event)| event["kind"] == "tripped");
-        let trip = |event: Value| (event["drive"].as_str().unwrap().to_owned(), event["trips"].as_u64().unwrap());
+        let trips = told
+            .into_iter()
+            .filter(|(_, event)| event["kind"] == "tripped");
+        let trip = |event: Value| {
+            (
+                event["drive"].as_str().unwrap().to_owned(),
+                event["trips"].as_u64().unwrap(),
+            )
+        };
         trips.map(|(seq, event)| (seq, trip(event))).collect()
     }
 
     /// Whether some drive was run and some drive tripped.
     fn has_something_to_lose(&self) -> bool {
-        self.drives.iter().any(|drive| drive.runs() > 0) && self.drives.iter().any(|drive| drive.trips() > 0)
+        self.drives.iter().any(|drive| drive.runs() > 0)
+            && self.drives.iter().any(|drive| drive.trips() > 0)
     }
 
     /// Lives until there is something to lose, where each one before has died with nothing in hand, as on a slow machine, and
@@ -201,20 +263,40 @@ impl Site {
         for drive in &self.drives {
             let name = drive.family.name;
             until(&format!("every trip of {name} is kept"), PATIENCE, || {
-                let kept: u64 = self.kept().values().filter(|(of, _)| of == name).map(|(_, trips)| trips).sum();
-                assert!(kept <= drive.trips(), "{name}: {kept} trips are kept of {}", drive.trips());
+                let kept: u64 = self
+                    .kept()
+                    .values()
+                    .filter(|(of, _)| of == name)
+                    .map(|(_, trips)| trips)
+                    .sum();
+                assert!(
+                    kept <= drive.trips(),
+                    "{name}: {kept} trips are kept of {}",
+                    drive.trips()
+                );
                 (kept == drive.trips()).then_some(())
             });
         }
-        until("the broker was told of every trip", PATIENCE, || (self.told() == self.kept()).then_some(()));
-        until("the motors stand still", PATIENCE, || self.drives.iter().all(|it| it.output() == 0).then_some(()));
+        until("the broker was told of every trip", PATIENCE, || {
+            (self.told() == self.kept()).then_some(())
+        });
+        until("the motors stand still", PATIENCE, || {
+            self.drives.iter().all(|it| it.output() == 0).then_some(())
+        });
         let audit = self.rows("audit");
         for (drive, orders) in self.drives.iter().zip(&self.orders) {
             let name = drive.family.name;
-            let attempts = audit.iter().filter(|row| row["kind"] == "attempt" && row["name"] == name);
-            let counted: u64 = attempts.map(|row| row["body"]["count"].as_u64().unwrap()).sum();
+            let attempts = audit
+                .iter()
+                .filter(|row| row["kind"] == "attempt" && row["name"] == name);
+            let counted: u64 = attempts
+                .map(|row| row["body"]["count"].as_u64().unwrap())
+                .sum();
             println!("{name}: {orders} orders were given, {counted} stand in the audit");
-            assert!(counted <= *orders, "{name}: an attempt stands in the audit twice");
+            assert!(
+                counted <= *orders,
+                "{name}: an attempt stands in the audit twice"
+            );
         }
     }
 }
@@ -239,12 +321,18 @@ fn a_kill_at_any_call_that_touches_the_journal_loses_no_trip_and_starts_nothing(
         let gateway = site.gateway_that_dies_at(1 + life * CALLS / lives);
         observed += u32::from(site.live(gateway, true));
     }
-    assert!(observed * 4 >= lives, "the observer killed {observed} of {lives} only");
+    assert!(
+        observed * 4 >= lives,
+        "the observer killed {observed} of {lives} only"
+    );
     println!("{observed} of {lives} died at a call");
     site.conclude();
 }
 
 /// How many lives a test has.
 fn crashes(usual: u32) -> u32 {
-    std::env::var("CRASHES").ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+    std::env::var("CRASHES")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(usual)
 }

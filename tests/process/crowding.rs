@@ -39,8 +39,18 @@ impl Crowded {
         );
         let file = place.write("gateway.toml", &text);
         let mut command = Command::new("sh");
-        command.env("RUST_LOG", "info").args(["-c", &format!("ulimit -n {FILES} && exec \"$0\" \"$@\"")]);
-        command.args([env!("CARGO_BIN_EXE_vfd-gateway"), "--log-format", "json", "run", "-c"]).arg(file);
+        command
+            .env("RUST_LOG", "info")
+            .args(["-c", &format!("ulimit -n {FILES} && exec \"$0\" \"$@\"")]);
+        command
+            .args([
+                env!("CARGO_BIN_EXE_vfd-gateway"),
+                "--log-format",
+                "json",
+                "run",
+                "-c",
+            ])
+            .arg(file);
         let gateway = Started::new(command);
         let address = gateway.wait_for("where it listens", |line| {
             let fields = fields(line)?;
@@ -50,7 +60,13 @@ impl Crowded {
             let fields = fields(line)?;
             (fields["message"] == "drive online").then_some(())
         });
-        Self { gateway, address, http, _drive: drive, _place: place }
+        Self {
+            gateway,
+            address,
+            http,
+            _drive: drive,
+            _place: place,
+        }
     }
 
     /// A client from one of this host's addresses.
@@ -73,7 +89,14 @@ impl Crowded {
     /// limit, which then does not count it.
     fn open_files(&self) -> usize {
         let open = std::fs::read_dir(format!("/proc/{}/fd", self.gateway.id())).unwrap();
-        let numbers = open.map(|file| file.unwrap().file_name().into_string().unwrap().parse::<usize>().unwrap());
+        let numbers = open.map(|file| {
+            file.unwrap()
+                .file_name()
+                .into_string()
+                .unwrap()
+                .parse::<usize>()
+                .unwrap()
+        });
         numbers.filter(|number| *number < FILES).count()
     }
 
@@ -81,14 +104,22 @@ impl Crowded {
     fn busy(&self) -> u64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.gateway.id())).unwrap();
         let (_, behind) = stat.rsplit_once(')').unwrap();
-        behind.split_whitespace().skip(11).take(2).map(|ticks| ticks.parse::<u64>().unwrap()).sum()
+        behind
+            .split_whitespace()
+            .skip(11)
+            .take(2)
+            .map(|ticks| ticks.parse::<u64>().unwrap())
+            .sum()
     }
 
     fn assert_does_not_spin(&self) {
         let (before, begun) = (self.busy(), Instant::now());
         std::thread::sleep(Duration::from_secs(1));
         let busy = (self.busy() - before) as f64 / begun.elapsed().as_secs_f64();
-        assert!(busy < 50.0, "{busy} % of a processor while nobody asks anything");
+        assert!(
+            busy < 50.0,
+            "{busy} % of a processor while nobody asks anything"
+        );
     }
 }
 
@@ -101,12 +132,21 @@ fn is_served(client: &mut Raw) -> bool {
 fn a_full_gateway_lets_newcomers_in_instead_of_the_silent_and_priority_always() {
     let crowded = Crowded::new();
     assert_eq!(crowded.address.ip(), IpAddr::V4(ORDINARY_FROM));
-    let mut all: Vec<Raw> = (0..ORDINARY).map(|_| crowded.served_from(ORDINARY_FROM)).collect();
-    assert!(is_served(&mut all[0]), "so that the second is the one that was silent for longest");
+    let mut all: Vec<Raw> = (0..ORDINARY)
+        .map(|_| crowded.served_from(ORDINARY_FROM))
+        .collect();
+    assert!(
+        is_served(&mut all[0]),
+        "so that the second is the one that was silent for longest"
+    );
     let mut more: Vec<Raw> = (0..4).map(|_| crowded.served_from(ORDINARY_FROM)).collect();
     let mut urgent: Vec<Raw> = (0..8).map(|_| crowded.served_from(PRIORITY_FROM)).collect();
     for (number, client) in all.iter_mut().enumerate() {
-        assert_eq!(is_served(client), !(1..5).contains(&number), "client {number}");
+        assert_eq!(
+            is_served(client),
+            !(1..5).contains(&number),
+            "client {number}"
+        );
     }
     assert!(urgent.iter_mut().chain(&mut more).all(is_served));
     crowded.assert_does_not_spin();
@@ -134,10 +174,18 @@ fn a_gateway_without_descriptors_still_lets_in_those_who_count_and_does_not_spin
     let mut newcomer = crowded.served_from(ORDINARY_FROM);
     let mut urgent = crowded.served_from(PRIORITY_FROM);
     assert!(is_served(&mut newcomer) && is_served(&mut urgent));
-    let gone = clients.iter_mut().map(|client| !is_served(client)).collect::<Vec<_>>();
+    let gone = clients
+        .iter_mut()
+        .map(|client| !is_served(client))
+        .collect::<Vec<_>>();
     let lost = gone.iter().filter(|it| **it).count();
-    assert!((1..=6).contains(&lost) && gone[..lost].iter().all(|it| *it), "the first ones gave way: {gone:?}");
+    assert!(
+        (1..=6).contains(&lost) && gone[..lost].iter().all(|it| *it),
+        "the first ones gave way: {gone:?}"
+    );
     crowded.assert_does_not_spin();
     drop(hogs);
-    until("all is well again", PATIENCE, || is_served(&mut crowded.client_from(ORDINARY_FROM)).then_some(()));
+    until("all is well again", PATIENCE, || {
+        is_served(&mut crowded.client_from(ORDINARY_FROM)).then_some(())
+    });
 }

@@ -23,11 +23,28 @@ impl Demo {
         let program = Started::at_a_keyboard(command);
         program.wait_for("how it ends", |line| line.contains("Ctrl-C").then_some(()));
         let word = |prefix: &str| {
-            let found = program.find_all(|line| line.strip_prefix(prefix)?.split([',', ' ']).next().map(str::to_owned));
-            found.into_iter().next().unwrap_or_else(|| panic!("no `{prefix}` in: {}", program.text()))
+            let found = program.find_all(|line| {
+                line.strip_prefix(prefix)?
+                    .split([',', ' '])
+                    .next()
+                    .map(str::to_owned)
+            });
+            found
+                .into_iter()
+                .next()
+                .unwrap_or_else(|| panic!("no `{prefix}` in: {}", program.text()))
         };
-        let (modbus, broker) = (word("Modbus TCP ").parse().unwrap(), word("MQTT broker ").parse().unwrap());
+        let (modbus, broker) = (
+            word("Modbus TCP ").parse().unwrap(),
+            word("MQTT broker ").parse().unwrap(),
+        );
         let page = word("Page ").trim_end_matches('/').to_owned();
-        Self { program, modbus, broker, page, _alone: alone }
+        Self {
+            program,
+            modbus,
+            broker,
+            page,
+            _alone: alone,
+        }
     }
 }

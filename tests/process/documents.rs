@@ -10,10 +10,16 @@ use vfd_gateway::domain::ids::CommanderName;
 #[test]
 fn the_reference_has_every_key_as_the_program_has_it() {
     let tables = text_of("docs/configuration.md");
-    for section in Section::ALL.into_iter().filter(|section| *section != Section::Root) {
+    for section in Section::ALL
+        .into_iter()
+        .filter(|section| *section != Section::Root)
+    {
         let header = section.header();
         let table = part(&tables, &format!("\n## `{header}`\n"), "\n## ");
-        let written: Vec<_> = table.lines().filter(|line| line.starts_with("| `")).collect();
+        let written: Vec<_> = table
+            .lines()
+            .filter(|line| line.starts_with("| `"))
+            .collect();
         let keys = KEYS.iter().filter(|key| key.section == section);
         let expected: Vec<_> = keys.map(row).collect();
         assert_eq!(written, expected, "keys of {header}");
@@ -25,7 +31,12 @@ fn the_reference_has_every_key_as_the_program_has_it() {
 fn the_reference_has_every_reason() {
     let table = text_of("docs/outcomes.md");
     for reason in Reason::ALL {
-        let row = format!("| {} | `{}` | {} |", reason.number(), reason.word(), reason.text());
+        let row = format!(
+            "| {} | `{}` | {} |",
+            reason.number(),
+            reason.word(),
+            reason.text()
+        );
         assert!(table.contains(&row), "docs/outcomes.md has no row {row}");
     }
 }
@@ -53,9 +64,15 @@ fn the_reference_has_no_command_that_there_is_not() {
     let known = commands();
     for row in rows {
         let words = row.split('`').next().unwrap();
-        let is_of =
-            |known: &&String| words.strip_prefix(known.as_str()).is_some_and(|it| it.is_empty() || it.starts_with(' '));
-        assert!(known.iter().any(|it| is_of(&it)), "there is no command {words}");
+        let is_of = |known: &&String| {
+            words
+                .strip_prefix(known.as_str())
+                .is_some_and(|it| it.is_empty() || it.starts_with(' '))
+        };
+        assert!(
+            known.iter().any(|it| is_of(&it)),
+            "there is no command {words}"
+        );
     }
 }
 
@@ -106,13 +123,24 @@ fn every_link_leads_somewhere() {
     let mut links = 0;
     for (file, text) in &documents {
         for target in targets(text).filter(|target| !target.contains("://")) {
-            let (path, anchor) = target.split_once('#').map_or((target, None), |(path, anchor)| (path, Some(anchor)));
-            let path = if path.is_empty() { file.clone() } else { file.parent().unwrap().join(path) };
+            let (path, anchor) = target
+                .split_once('#')
+                .map_or((target, None), |(path, anchor)| (path, Some(anchor)));
+            let path = if path.is_empty() {
+                file.clone()
+            } else {
+                file.parent().unwrap().join(path)
+            };
             let found = path.canonicalize();
-            let found = found.unwrap_or_else(|_| panic!("{}: there is no {target}", file.display()));
+            let found =
+                found.unwrap_or_else(|_| panic!("{}: there is no {target}", file.display()));
             if let Some(anchor) = anchor {
                 let text = std::fs::read_to_string(&found).unwrap();
-                assert!(anchors(&text).any(|it| it == anchor), "{}: no heading {target}", file.display());
+                assert!(
+                    anchors(&text).any(|it| it == anchor),
+                    "{}: no heading {target}",
+                    file.display()
+                );
             }
             links += 1;
         }
@@ -122,24 +150,45 @@ fn every_link_leads_somewhere() {
 
 /// What is written for people, by its path.
 fn documents(root: &Path) -> Vec<(PathBuf, String)> {
-    let folders = ["", "docs", "docs/first-steps", "docs/design", "deploy", "fuzz"].map(|folder| root.join(folder));
-    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
+    let folders = [
+        "",
+        "docs",
+        "docs/first-steps",
+        "docs/design",
+        "deploy",
+        "fuzz",
+    ]
+    .map(|folder| root.join(folder));
+    let files = folders
+        .iter()
+        .flat_map(|folder| std::fs::read_dir(folder).unwrap())
+        .map(|entry| entry.unwrap().path());
     let written = files.filter(|path| path.extension().is_some_and(|it| it == "md"));
-    written.map(|path| (path.clone(), std::fs::read_to_string(path).unwrap())).collect()
+    written
+        .map(|path| (path.clone(), std::fs::read_to_string(path).unwrap()))
+        .collect()
 }
 
 /// Where the links and pictures of `text` lead.
 fn targets(text: &str) -> impl Iterator<Item = &str> {
     let prose = text.split("```").step_by(2);
-    prose.flat_map(|prose| prose.split("](").skip(1)).filter_map(|rest| rest.split(')').next())
+    prose
+        .flat_map(|prose| prose.split("](").skip(1))
+        .filter_map(|rest| rest.split(')').next())
 }
 
 /// The names by which headings of `text` are linked to.
 fn anchors(text: &str) -> impl Iterator<Item = String> {
-    let headings = text.split("```").step_by(2).flat_map(str::lines).filter(|line| line.starts_with('#'));
+    let headings = text
+        .split("```")
+        .step_by(2)
+        .flat_map(str::lines)
+        .filter(|line| line.starts_with('#'));
     headings.map(|line| {
         let title = line.trim_start_matches('#').trim().to_lowercase();
-        let kept = title.chars().filter(|it| it.is_alphanumeric() || matches!(it, ' ' | '-' | '_'));
+        let kept = title
+            .chars()
+            .filter(|it| it.is_alphanumeric() || matches!(it, ' ' | '-' | '_'));
         kept.collect::<String>().replace(' ', "-")
     })
 }
@@ -161,32 +210,64 @@ fn commands() -> Vec<String> {
 fn listed(args: &[&str]) -> Vec<String> {
     let output = vfd_gateway(&[args, &["-h"]].concat());
     let help = String::from_utf8(output.stdout).unwrap();
-    let names = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let names = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty());
     // A line that begins further right continues the text above it.
-    let names = names.filter_map(|line| line.strip_prefix("  ").filter(|line| !line.starts_with(' ')));
-    names.filter_map(|line| line.split(' ').next()).filter(|name| *name != "help").map(str::to_owned).collect()
+    let names = names.filter_map(|line| {
+        line.strip_prefix("  ")
+            .filter(|line| !line.starts_with(' '))
+    });
+    names
+        .filter_map(|line| line.split(' ').next())
+        .filter(|name| *name != "help")
+        .map(str::to_owned)
+        .collect()
 }
 
 fn options(help: &str) -> impl Iterator<Item = &str> {
-    let lines = help.lines().map(str::trim_start).filter(|line| line.starts_with('-'));
-    lines.flat_map(|line| line.split([' ', ','])).filter(|word| word.starts_with("--"))
+    let lines = help
+        .lines()
+        .map(str::trim_start)
+        .filter(|line| line.starts_with('-'));
+    lines
+        .flat_map(|line| line.split([' ', ',']))
+        .filter(|word| word.starts_with("--"))
 }
 
 /// How the reference writes a key.
 fn row(key: &Key) -> String {
     let default = key.default.unwrap_or("required");
-    format!("| `{}` | {} | {} | {} |", key.name, marked(key.kind), marked(default), marked(key.about))
+    format!(
+        "| `{}` | {} | {} | {} |",
+        key.name,
+        marked(key.kind),
+        marked(default),
+        marked(key.about)
+    )
 }
 
 /// `text` with everything that is in quotes marked as code.
 fn marked(text: &str) -> String {
     let parts = text.split('"').enumerate();
-    parts.map(|(index, part)| if index % 2 == 1 { format!("`\"{part}\"`") } else { part.to_owned() }).collect()
+    parts
+        .map(|(index, part)| {
+            if index % 2 == 1 {
+                format!("`\"{part}\"`")
+            } else {
+                part.to_owned()
+            }
+        })
+        .collect()
 }
 
 /// From `begin` to the next `end`.
 #[track_caller]
 fn part<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
-    let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("there is no {begin}"));
+    let (_, rest) = text
+        .split_once(begin)
+        .unwrap_or_else(|| panic!("there is no {begin}"));
     rest.split_once(end).map_or(rest, |(part, _)| part)
 }

@@ -37,14 +37,28 @@ impl Site {
         let address = || SocketAddr::from(([127, 0, 0, 1], free_port()));
         let (modbus, http) = (address(), address());
         let more = format!("[http]\nlisten = \"{http}\"\n");
-        let file = place.write("gateway.toml", &configuration(&place, [drive.family], modbus, &more));
-        Self { drive, place, file, modbus, http }
+        let file = place.write(
+            "gateway.toml",
+            &configuration(&place, [drive.family], modbus, &more),
+        );
+        Self {
+            drive,
+            place,
+            file,
+            modbus,
+            http,
+        }
     }
 
     /// Starts the gateway by way of `wrapper`, and waits until it serves the drive.
     fn run(&self, mut wrapper: Command) -> Started {
         let run = program();
-        wrapper.arg(run.get_program()).args(run.get_args()).arg("run").arg("-c").arg(&self.file);
+        wrapper
+            .arg(run.get_program())
+            .args(run.get_args())
+            .arg("run")
+            .arg("-c")
+            .arg(&self.file);
         wrapper.env("RUST_LOG", "info");
         let gateway = Started::new(wrapper);
         gateway.wait_for("that the drive is there", |line| {
@@ -74,10 +88,16 @@ impl Site {
     fn get(&self, path: &str) -> Option<String> {
         let mut stream = TcpStream::connect(self.http).ok()?;
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").ok()?;
+        write!(
+            stream,
+            "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+        )
+        .ok()?;
         let mut answer = String::new();
         stream.read_to_string(&mut answer).ok()?;
-        answer.split_once("\r\n\r\n").map(|(_, body)| body.to_owned())
+        answer
+            .split_once("\r\n\r\n")
+            .map(|(_, body)| body.to_owned())
     }
 
     fn journal(&self) -> Option<Value> {
@@ -87,14 +107,22 @@ impl Site {
 
     fn metric(&self, name: &str) -> Option<f64> {
         let text = self.get("/metrics")?;
-        text.lines().find_map(|line| line.strip_prefix(&format!("vfd_gateway_{name} "))?.parse().ok())
+        text.lines().find_map(|line| {
+            line.strip_prefix(&format!("vfd_gateway_{name} "))?
+                .parse()
+                .ok()
+        })
     }
 
     fn wait_until_it_works(&self, what: &str) {
-        until(&format!("the journal can write again after {what}"), PATIENCE * 2, || {
-            (self.journal()?["state"] == "ok").then_some(())
+        until(
+            &format!("the journal can write again after {what}"),
+            PATIENCE * 2,
+            || (self.journal()?["state"] == "ok").then_some(()),
+        );
+        until("so do the metrics", PATIENCE, || {
+            (self.metric("journal_ok")? == 1.0).then_some(())
         });
-        until("so do the metrics", PATIENCE, || (self.metric("journal_ok")? == 1.0).then_some(()));
     }
 
     /// A controller stops, sets, starts and stops the drive, and the motor follows.
@@ -108,20 +136,32 @@ impl Site {
             (self.output()? > 200).then_some(())
         });
         self.write(&mut client, 256, 0);
-        until("the motor stands", PATIENCE, || (self.output()? == 0).then_some(()));
+        until("the motor stands", PATIENCE, || {
+            (self.output()? == 0).then_some(())
+        });
     }
 
     fn write(&self, client: &mut Raw, register: u16, word: u16) {
-        let answer = until("the stop before is effective", PATIENCE, || match client.write(UNIFORM, register, word) {
-            Err(6) if client.read_unit(UNIFORM, REASON, 1).is_ok_and(|reason| SOON.contains(&reason[0])) => {
-                // An order to run that came before the trip was seen to be cleared is given anew, behind a stop.
-                (register == 256 && word == 1).then(|| client.write(UNIFORM, register, 0));
-                None
+        let answer = until("the stop before is effective", PATIENCE, || {
+            match client.write(UNIFORM, register, word) {
+                Err(6)
+                    if client
+                        .read_unit(UNIFORM, REASON, 1)
+                        .is_ok_and(|reason| SOON.contains(&reason[0])) =>
+                {
+                    // An order to run that came before the trip was seen to be cleared is given anew, behind a stop.
+                    (register == 256 && word == 1).then(|| client.write(UNIFORM, register, 0));
+                    None
+                }
+                answer => Some(answer),
             }
-            answer => Some(answer),
         });
         let mut reason = || client.read_unit(UNIFORM, REASON, 1);
-        assert!(answer == Ok(()), "{word} to {register} is answered {answer:?} for the reason {:?}", reason());
+        assert!(
+            answer == Ok(()),
+            "{word} to {register} is answered {answer:?} for the reason {:?}",
+            reason()
+        );
     }
 
     /// Trips the drive, and resets it as soon as the gateway has seen that.
@@ -129,9 +169,13 @@ impl Site {
         let seen = || self.metric("drive_trips_seen_total{line=\"n700\",drive=\"n700\"}");
         let before = seen().unwrap();
         self.drive.trip();
-        until("the trip is seen", PATIENCE, || (seen()? > before).then_some(()));
+        until("the trip is seen", PATIENCE, || {
+            (seen()? > before).then_some(())
+        });
         let mut client = Raw::connect(self.modbus);
-        until("the reset is taken", PATIENCE, || client.write(UNIFORM, 256, 4).ok());
+        until("the reset is taken", PATIENCE, || {
+            client.write(UNIFORM, 256, 4).ok()
+        });
         self.write(&mut client, 256, 0);
     }
 
@@ -139,23 +183,50 @@ impl Site {
     fn rows(&self, mut wrapper: Command, which: &str) -> Vec<Value> {
         let run = program();
         let data = self.place.file("data");
-        let args = ["journal", which, "--json", "--last", "100000", "--data-dir", data.to_str().unwrap()];
+        let args = [
+            "journal",
+            which,
+            "--json",
+            "--last",
+            "100000",
+            "--data-dir",
+            data.to_str().unwrap(),
+        ];
         let said = wrapper.arg(run.get_program()).args(args).output().unwrap();
-        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-        String::from_utf8(said.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+        assert!(
+            said.status.success(),
+            "{}",
+            String::from_utf8_lossy(&said.stderr)
+        );
+        String::from_utf8(said.stdout)
+            .unwrap()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
     }
 
     /// Every trip stands in the journal once, under numbers without a hole, and so does every order to run.
     fn assert_everything_is_there_once(&self, wrapper: fn(u32) -> Command, id: u32, what: &str) {
         let events = self.rows(wrapper(id), "trips");
-        let numbers: Vec<_> = events.iter().map(|row| row["number"].as_u64().unwrap()).collect();
+        let numbers: Vec<_> = events
+            .iter()
+            .map(|row| row["number"].as_u64().unwrap())
+            .collect();
         let tripped = events.iter().filter(|row| row["kind"] == "tripped");
-        let told: u64 = tripped.map(|row| row["body"]["trips"].as_u64().unwrap()).sum();
+        let told: u64 = tripped
+            .map(|row| row["body"]["trips"].as_u64().unwrap())
+            .sum();
         assert_eq!(told, self.drive.trips(), "{what}: {events:?}");
-        assert_eq!(numbers, (1..=numbers.len() as u64).collect::<Vec<_>>(), "{what}");
+        assert_eq!(
+            numbers,
+            (1..=numbers.len() as u64).collect::<Vec<_>>(),
+            "{what}"
+        );
         let audit = self.rows(wrapper(id), "audit");
         let ran = |row: &&Value| {
-            let has_run = ["acknowledged", "confirmed"].iter().any(|outcome| row["body"]["outcome"] == *outcome);
+            let has_run = ["acknowledged", "confirmed"]
+                .iter()
+                .any(|outcome| row["body"]["outcome"] == *outcome);
             row["body"]["tried"] == "run forward" && has_run
         };
         assert_eq!(
@@ -200,7 +271,10 @@ fn a_call_that_fails_loses_and_doubles_nothing() {
         // The rows of a trip are written, and only then it is said that they are not.
         (&[log], "fsync,fdatasync:error=EIO:when=2..3"),
         (&[log], "fsync,fdatasync:error=ENOSPC:when=1+3"),
-        (&[file, log], "pwrite64,fsync,fdatasync,ftruncate:error=EROFS:when=12..16"),
+        (
+            &[file, log],
+            "pwrite64,fsync,fdatasync,ftruncate:error=EROFS:when=12..16",
+        ),
         (&[file], "fsync,fdatasync,pwrite64:error=EIO"),
     ];
     for (files, inject) in table {
@@ -221,7 +295,9 @@ fn a_call_that_fails_loses_and_doubles_nothing() {
             });
         }
         site.wait_until_it_works(inject);
-        until("nothing waits", PATIENCE, || (site.metric("journal_waiting")? == 0.0).then_some(()));
+        until("nothing waits", PATIENCE, || {
+            (site.metric("journal_waiting")? == 0.0).then_some(())
+        });
         site.assert_everything_is_there_once(as_it_is, gateway.id(), inject);
         end(gateway);
     }
@@ -229,13 +305,21 @@ fn a_call_that_fails_loses_and_doubles_nothing() {
 
 /// What is done to the data directory before the gateway starts, what undoes it, and what the journal says meanwhile.
 const AT_START: [(&str, &str, &str); 3] = [
-    ("mount -t tmpfs none \"$D\" && mount -o remount,ro \"$D\"", "mount -o remount,rw \"$D\"", "memory"),
+    (
+        "mount -t tmpfs none \"$D\" && mount -o remount,ro \"$D\"",
+        "mount -o remount,rw \"$D\"",
+        "memory",
+    ),
     (
         "mount -t tmpfs -o size=64k none \"$D\" && { cat /dev/zero >\"$D/ballast\" 2>/dev/null; :; }",
         "rm \"$D/ballast\" && mount -o remount,size=8m \"$D\"",
         "memory",
     ),
-    ("rmdir \"$D\" && ln -s \"$D-away/data\" \"$D\"", "mkdir -p \"$D-away/data\"", "memory"),
+    (
+        "rmdir \"$D\" && ln -s \"$D-away/data\" \"$D\"",
+        "mkdir -p \"$D-away/data\"",
+        "memory",
+    ),
 ];
 
 #[test]
@@ -245,36 +329,74 @@ fn a_data_directory_that_cannot_be_written_at_the_start_is_reported_and_stops_no
         let data = site.place.file("data");
         let mut unshare = Command::new("unshare");
         let prepare = format!("{before} && exec \"$@\"");
-        unshare.args([if is_root() { "-m" } else { "-rm" }, "sh", "-c", &prepare, "sh"]).env("D", &data);
+        unshare
+            .args([
+                if is_root() { "-m" } else { "-rm" },
+                "sh",
+                "-c",
+                &prepare,
+                "sh",
+            ])
+            .env("D", &data);
         let gateway = site.run(unshare);
-        let shell = |text: &str| inside(gateway.id()).env("D", &data).args(["sh", "-c", text]).status().unwrap();
+        let shell = |text: &str| {
+            inside(gateway.id())
+                .env("D", &data)
+                .args(["sh", "-c", text])
+                .status()
+                .unwrap()
+        };
         site.control();
         let health: Value = serde_json::from_str(&site.get("/api/v1/health").unwrap()).unwrap();
         assert_eq!(health["journal"]["state"], state, "{before}: {health}");
         assert_eq!(site.metric("journal_ok"), Some(0.0), "{before}");
         let is_reached = health["socket"]["state"] == "ok";
-        assert_eq!(site.metric("socket_ok"), Some(f64::from(u8::from(is_reached))), "{before}");
+        assert_eq!(
+            site.metric("socket_ok"),
+            Some(f64::from(u8::from(is_reached))),
+            "{before}"
+        );
         let advice = site.get("/api/v1/advice").unwrap();
-        assert!(advice.contains("the journal cannot be written"), "{before}: {advice}");
-        assert!(is_reached || advice.contains("do not reach the gateway"), "{before}: {advice}");
-        assert!(gateway.text().contains("ALARM: cannot write the journal"), "{before}");
+        assert!(
+            advice.contains("the journal cannot be written"),
+            "{before}: {advice}"
+        );
+        assert!(
+            is_reached || advice.contains("do not reach the gateway"),
+            "{before}: {advice}"
+        );
+        assert!(
+            gateway.text().contains("ALARM: cannot write the journal"),
+            "{before}"
+        );
 
         // Nobody else may command the same drives meanwhile.
         let text = std::fs::read_to_string(&site.file).unwrap();
         let text = [site.modbus, site.http].iter().fold(text, |text, address| {
-            text.replace(&address.to_string(), &SocketAddr::from(([127, 0, 0, 1], free_port())).to_string())
+            text.replace(
+                &address.to_string(),
+                &SocketAddr::from(([127, 0, 0, 1], free_port())).to_string(),
+            )
         });
         let other = site.place.write("other.toml", &text);
         let run = program();
         let mut second = inside(gateway.id());
-        second.arg(run.get_program()).arg("run").arg("-c").arg(&other);
+        second
+            .arg(run.get_program())
+            .arg("run")
+            .arg("-c")
+            .arg(&other);
         let mut second = Started::new(second);
         assert!(!second.end_within(PATIENCE).success(), "{before}");
-        until("the second one says why", PATIENCE, || second.text().contains("another gateway").then_some(()));
+        until("the second one says why", PATIENCE, || {
+            second.text().contains("another gateway").then_some(())
+        });
 
         assert!(shell(after).success(), "{after}");
         site.wait_until_it_works(before);
-        until("its own commands reach it", PATIENCE * 2, || (site.metric("socket_ok")? == 1.0).then_some(()));
+        until("its own commands reach it", PATIENCE * 2, || {
+            (site.metric("socket_ok")? == 1.0).then_some(())
+        });
         site.control();
         end(gateway);
     }
@@ -286,25 +408,54 @@ fn a_disk_that_is_full_is_seen_and_what_waited_is_written_when_there_is_room() {
     let data = site.place.file("data");
     // In a mount name space of its own, with a small file system that lives as long as that.
     let mut unshare = Command::new("unshare");
-    let mount = format!("mount -t tmpfs -o size=1m none '{}' && exec \"$@\"", data.display());
-    unshare.args([if is_root() { "-m" } else { "-rm" }, "sh", "-c", &mount, "sh"]);
+    let mount = format!(
+        "mount -t tmpfs -o size=1m none '{}' && exec \"$@\"",
+        data.display()
+    );
+    unshare.args([
+        if is_root() { "-m" } else { "-rm" },
+        "sh",
+        "-c",
+        &mount,
+        "sh",
+    ]);
     let gateway = site.run(unshare);
-    let shell = |text: &str| inside(gateway.id()).args(["sh", "-c", text]).status().unwrap().success();
+    let shell = |text: &str| {
+        inside(gateway.id())
+            .args(["sh", "-c", text])
+            .status()
+            .unwrap()
+            .success()
+    };
     site.trip_and_reset();
     let ballast = data.join("ballast");
     // It ends when there is no room any more.
-    assert!(!shell(&format!("exec cat /dev/zero > '{}' 2>/dev/null", ballast.display())));
+    assert!(!shell(&format!(
+        "exec cat /dev/zero > '{}' 2>/dev/null",
+        ballast.display()
+    )));
     let journal = until("the journal says that it cannot write", PATIENCE, || {
         site.trip_and_reset();
-        site.journal().filter(|journal| journal["state"] == "failed")
+        site.journal()
+            .filter(|journal| journal["state"] == "failed")
     });
-    assert!(journal["reason"].as_str().is_some_and(|reason| reason.contains("full")), "{journal}");
+    assert!(
+        journal["reason"]
+            .as_str()
+            .is_some_and(|reason| reason.contains("full")),
+        "{journal}"
+    );
     assert_eq!(site.metric("journal_ok"), Some(0.0));
     site.control();
-    assert!(site.metric("journal_waiting").is_some_and(|rows| rows > 0.0));
+    assert!(
+        site.metric("journal_waiting")
+            .is_some_and(|rows| rows > 0.0)
+    );
     assert!(shell(&format!("rm '{}'", ballast.display())));
     site.wait_until_it_works("it was full");
-    until("nothing waits", PATIENCE, || (site.metric("journal_waiting")? == 0.0).then_some(()));
+    until("nothing waits", PATIENCE, || {
+        (site.metric("journal_waiting")? == 0.0).then_some(())
+    });
     site.assert_everything_is_there_once(inside, gateway.id(), "full");
     end(gateway);
 }
@@ -326,6 +477,10 @@ fn a_missing_data_dir_is_made_or_said_how_to_make() {
     std::fs::write(&site.file, other).unwrap();
     let gateway = site.run(Command::new("env"));
     let line = format!("-m 750 {}", deeper.display());
-    assert!(gateway.text_so_far().contains(&line), "{}", gateway.text_so_far());
+    assert!(
+        gateway.text_so_far().contains(&line),
+        "{}",
+        gateway.text_so_far()
+    );
     assert!(!deeper.exists());
 }

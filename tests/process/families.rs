@@ -47,7 +47,10 @@ impl Plant {
     fn new() -> Self {
         let place = Place::new();
         let broker = Mosquitto::start(&place.file(""));
-        let drives = FAMILIES.iter().map(|family| simulated(&place, family)).collect();
+        let drives = FAMILIES
+            .iter()
+            .map(|family| simulated(&place, family))
+            .collect();
         std::fs::create_dir(place.file("data")).unwrap();
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         let mut text = format!(
@@ -65,7 +68,13 @@ impl Plant {
             let fields = fields(line)?;
             (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
         });
-        Self { _gateway: gateway, modbus, drives, broker, _place: place }
+        Self {
+            _gateway: gateway,
+            modbus,
+            drives,
+            broker,
+            _place: place,
+        }
     }
 
     fn subscriber(&self) -> Subscriber {
@@ -77,7 +86,13 @@ impl Plant {
     }
 
     /// The last word about the command `id`.
-    fn told(&self, subscriber: &Subscriber, family: &Family, command: &str, id: &str) -> (String, String) {
+    fn told(
+        &self,
+        subscriber: &Subscriber,
+        family: &Family,
+        command: &str,
+        id: &str,
+    ) -> (String, String) {
         self.order(family, "command", &command.replace("ID", id));
         let told = until(&format!("the last word about {id}"), PATIENCE, || {
             let told = subscriber.results(id);
@@ -89,22 +104,42 @@ impl Plant {
 
     /// Every drive trips.
     fn trip_all(&mut self) {
-        self.drives.iter_mut().for_each(|drive| drive.type_line("trip"));
+        self.drives
+            .iter_mut()
+            .for_each(|drive| drive.type_line("trip"));
     }
 }
 
 fn simulated(place: &Place, family: &Family) -> Started {
     let link = place.file(family.name);
     let mut command = program();
-    command.args(["simulate", "--model", family.model, "--link", link.to_str().unwrap(), "--trip-on-enter"]);
+    command.args([
+        "simulate",
+        "--model",
+        family.model,
+        "--link",
+        link.to_str().unwrap(),
+        "--trip-on-enter",
+    ]);
     let drive = Started::at_a_keyboard(command);
-    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    drive.wait_for("that it plays", |line| {
+        line.contains("station 1").then_some(())
+    });
     drive
 }
 
 fn line(text: &mut String, place: &Place, family: &Family, unit: u8) {
-    let Family { model, name, unproven, keys, .. } = family;
-    let unproven: Vec<_> = unproven.iter().map(|action| format!("\"{action}\"")).collect();
+    let Family {
+        model,
+        name,
+        unproven,
+        keys,
+        ..
+    } = family;
+    let unproven: Vec<_> = unproven
+        .iter()
+        .map(|action| format!("\"{action}\""))
+        .collect();
     write!(
         text,
         "\n[[line]]\nname = \"{name}\"\nport = \"{}\"\n\n[[line.drive]]\nname = \"{name}\"\nmodel = \"{model}\"\n\
@@ -137,9 +172,16 @@ fn a_broker_commands_every_family_in_the_same_words() {
         waits_for_state(&subscriber, family, "stopped");
         plant.order(family, "frequency/set", "30");
         let id = format!("{}-reverse", family.name);
-        let (outcome, reason) =
-            plant.told(&subscriber, family, r#"{"id": "ID", "run": "reverse", "frequency_hz": 30}"#, &id);
-        assert!(matches!(&outcome[..], "acknowledged" | "confirmed"), "{id}: {outcome} {reason}");
+        let (outcome, reason) = plant.told(
+            &subscriber,
+            family,
+            r#"{"id": "ID", "run": "reverse", "frequency_hz": 30}"#,
+            &id,
+        );
+        assert!(
+            matches!(&outcome[..], "acknowledged" | "confirmed"),
+            "{id}: {outcome} {reason}"
+        );
     }
     for family in &FAMILIES {
         waits_for_state(&subscriber, family, "reverse");
@@ -149,20 +191,37 @@ fn a_broker_commands_every_family_in_the_same_words() {
         waits_for_state(&subscriber, family, "stopped");
         let run = format!("{}-forward", family.name);
         let epoch = epoch(&subscriber, family);
-        let command = format!(r#"{{"id": "ID", "run": "forward", "frequency_hz": 30, "epoch": {epoch}}}"#);
+        let command =
+            format!(r#"{{"id": "ID", "run": "forward", "frequency_hz": 30, "epoch": {epoch}}}"#);
         let (outcome, reason) = plant.told(&subscriber, family, &command, &run);
-        assert!(matches!(&outcome[..], "acknowledged" | "confirmed"), "{run}: {outcome} {reason}");
+        assert!(
+            matches!(&outcome[..], "acknowledged" | "confirmed"),
+            "{run}: {outcome} {reason}"
+        );
         let coast = format!("{}-coast", family.name);
-        let told = plant.told(&subscriber, family, r#"{"id": "ID", "run": "coast"}"#, &coast);
-        let expected = if family.can_coast { ("confirmed", "none") } else { ("refused", "not_capable") };
+        let told = plant.told(
+            &subscriber,
+            family,
+            r#"{"id": "ID", "run": "coast"}"#,
+            &coast,
+        );
+        let expected = if family.can_coast {
+            ("confirmed", "none")
+        } else {
+            ("refused", "not_capable")
+        };
         assert_eq!((&told.0[..], &told.1[..]), expected, "{coast}");
     }
     plant.trip_all();
     for family in &FAMILIES {
         waits_for_state(&subscriber, family, "tripped");
         let id = format!("{}-reset", family.name);
-        let (outcome, reason) = plant.told(&subscriber, family, r#"{"id": "ID", "reset": true}"#, &id);
-        assert!(matches!(&outcome[..], "acknowledged" | "confirmed"), "{id}: {outcome} {reason}");
+        let (outcome, reason) =
+            plant.told(&subscriber, family, r#"{"id": "ID", "reset": true}"#, &id);
+        assert!(
+            matches!(&outcome[..], "acknowledged" | "confirmed"),
+            "{id}: {outcome} {reason}"
+        );
         waits_for_state(&subscriber, family, "stopped");
     }
 }
@@ -193,11 +252,14 @@ fn a_controller_commands_every_family_in_the_same_registers() {
     };
     let writes = |client: &mut Raw, unit: u8, register: u16, word: u16| {
         // A stop before may not be effective yet.
-        let answer =
-            until(&format!("unit {unit} takes {word}"), PATIENCE, || match client.write(unit, register, word) {
+        let answer = until(
+            &format!("unit {unit} takes {word}"),
+            PATIENCE,
+            || match client.write(unit, register, word) {
                 Err(6) => None,
                 answer => Some(answer),
-            });
+            },
+        );
         assert_eq!(answer, Ok(()), "unit {unit}: {word} to {register}");
     };
     for unit in &units {
@@ -208,14 +270,21 @@ fn a_controller_commands_every_family_in_the_same_registers() {
     }
     for unit in &units {
         is(&mut client, *unit, 3);
-        until("30 Hz", RAMP, || (client.read_unit(*unit, OUTPUT, 1).ok()? == [3000]).then_some(()));
+        until("30 Hz", RAMP, || {
+            (client.read_unit(*unit, OUTPUT, 1).ok()? == [3000]).then_some(())
+        });
         writes(&mut client, *unit, RUN, 0);
     }
     for (unit, family) in units.iter().zip(&FAMILIES) {
         is(&mut client, *unit, 1);
         writes(&mut client, *unit, RUN, 1);
         let answer = client.write(*unit, RUN, 3);
-        assert_eq!(answer, if family.can_coast { Ok(()) } else { Err(1) }, "{}: coast", family.name);
+        assert_eq!(
+            answer,
+            if family.can_coast { Ok(()) } else { Err(1) },
+            "{}: coast",
+            family.name
+        );
     }
     plant.trip_all();
     for unit in &units {

@@ -11,14 +11,26 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// A drive and the gateway of the guide, with other values in the place of those that `here` names.
 fn gateway(place: &Place, here: &[(&str, String)]) -> [Started; 2] {
     let guide = text_of("docs/fleet.md");
-    let block = guide.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let block = guide
+        .split("```toml\n")
+        .nth(1)
+        .unwrap()
+        .split("```")
+        .next()
+        .unwrap();
     let line = place.file("line");
     let secret = place.write("password", &password(place, "gw-0001"));
-    let paths = [("/dev/ttyUSB0", line.display().to_string()), ("/run/secrets/mqtt", secret.display().to_string())];
-    let text = here.iter().chain(&paths).fold(block.to_owned(), |text, (there, here)| {
-        assert!(text.contains(there), "the guide has no {there}");
-        text.replace(there, here)
-    });
+    let paths = [
+        ("/dev/ttyUSB0", line.display().to_string()),
+        ("/run/secrets/mqtt", secret.display().to_string()),
+    ];
+    let text = here
+        .iter()
+        .chain(&paths)
+        .fold(block.to_owned(), |text, (there, here)| {
+            assert!(text.contains(there), "the guide has no {there}");
+            text.replace(there, here)
+        });
     let drive = simulate(&line);
     let file = place.write("gateway.toml", &text);
     [drive, start(&["run", "-c", file.to_str().unwrap()])]
@@ -34,10 +46,20 @@ struct Centre {
 }
 
 impl Centre {
-    fn new(broker: Mosquitto, version: &str, base: &'static str, [operator, reader]: [Vec<String>; 2]) -> Self {
+    fn new(
+        broker: Mosquitto,
+        version: &str,
+        base: &'static str,
+        [operator, reader]: [Vec<String>; 2],
+    ) -> Self {
         let reader: Vec<_> = reader.iter().map(String::as_str).collect();
         let seen = Subscriber::with(&broker, version, &format!("{base}/#"), &reader);
-        Self { broker, base, operator, seen }
+        Self {
+            broker,
+            base,
+            operator,
+            seen,
+        }
     }
 
     fn publish(&self, topic: &str, payload: &str) {
@@ -47,7 +69,11 @@ impl Centre {
     fn try_publish(&self, topic: &str, payload: &str) -> Result<(), String> {
         let topic = format!("{}/{topic}", self.base);
         let operator = self.operator.iter().map(String::as_str);
-        self.broker.try_publish_with(&operator.chain(["-t", &topic, "-m", payload]).collect::<Vec<_>>())
+        self.broker.try_publish_with(
+            &operator
+                .chain(["-t", &topic, "-m", payload])
+                .collect::<Vec<_>>(),
+        )
     }
 
     fn order(&self, rest: &str, payload: &str) {
@@ -56,25 +82,45 @@ impl Centre {
 
     /// Each document of the drive that came so far.
     fn documents(&self) -> Vec<Value> {
-        self.seen.on("drive/pump-1/state").iter().filter_map(|it| serde_json::from_str(&it.payload).ok()).collect()
+        self.seen
+            .on("drive/pump-1/state")
+            .iter()
+            .filter_map(|it| serde_json::from_str(&it.payload).ok())
+            .collect()
     }
 
     /// Waits until the newest document has `run_state`, and returns that document.
     fn wait_for_state(&self, run_state: &str) -> Value {
-        until(run_state, PATIENCE, || self.documents().pop().filter(|it| it["run_state"] == run_state))
+        until(run_state, PATIENCE, || {
+            self.documents()
+                .pop()
+                .filter(|it| it["run_state"] == run_state)
+        })
     }
 
     /// What became of the command `id`, as far as it came.
     fn results(&self, id: &str) -> Vec<Value> {
         let all = self.seen.on("drive/pump-1/result");
-        all.iter().filter_map(|it| serde_json::from_str(&it.payload).ok()).filter(|it: &Value| it["id"] == id).collect()
+        all.iter()
+            .filter_map(|it| serde_json::from_str(&it.payload).ok())
+            .filter(|it: &Value| it["id"] == id)
+            .collect()
     }
 
     fn run_now(&self) {
-        let issued_at = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_millis() as u64;
-        let run = json!({"id": "run", "frequency_hz": 20, "run": "forward", "issued_at": issued_at});
+        let issued_at = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap()
+            .as_millis() as u64;
+        let run =
+            json!({"id": "run", "frequency_hz": 20, "run": "forward", "issued_at": issued_at});
         self.order("command", &run.to_string());
-        assert_eq!(self.seen.results("run").last().unwrap()["outcome"], "acknowledged", "{:?}", self.results("run"));
+        assert_eq!(
+            self.seen.results("run").last().unwrap()["outcome"],
+            "acknowledged",
+            "{:?}",
+            self.results("run")
+        );
         self.wait_for_state("forward");
     }
 }
@@ -89,7 +135,10 @@ fn a_site_is_commanded_over_its_bridge_and_what_came_while_it_was_lost_moves_not
     let _running = gateway(
         &place,
         &[
-            ("mqtts://broker.example:8883", format!("mqtt://127.0.0.1:{}", site.address().port())),
+            (
+                "mqtts://broker.example:8883",
+                format!("mqtt://127.0.0.1:{}", site.address().port()),
+            ),
             ("ca_file = \"/etc/vfd-gateway/ca.pem\"\n", String::new()),
             ("prefix = \"vfd\"", "prefix = \"vfd/site-1\"".to_owned()),
         ],
@@ -108,11 +157,19 @@ fn a_site_is_commanded_over_its_bridge_and_what_came_while_it_was_lost_moves_not
         centre.order("command", r#"{"id": "later", "frequency_hz": 21}"#);
         centre.results("later").pop()
     });
-    assert_eq!(centre.results("late"), [] as [Value; 0], "it waited, and came");
+    assert_eq!(
+        centre.results("late"),
+        [] as [Value; 0],
+        "it waited, and came"
+    );
     centre.wait_for_state("stopped");
 
     centre.run_now();
-    let lease = |document: &Value| document["control"]["lease_until"].as_str().map(str::to_owned);
+    let lease = |document: &Value| {
+        document["control"]["lease_until"]
+            .as_str()
+            .map(str::to_owned)
+    };
     let first = lease(&centre.wait_for_state("forward"));
     assert!(first.is_some());
     until("a lease is renewed over the bridge", PATIENCE, || {
@@ -126,9 +183,18 @@ fn a_site_is_commanded_over_its_bridge_and_what_came_while_it_was_lost_moves_not
 /// The gateway of the guide at the first two nodes, with what the guide adds at NATS, and a commander at the third one.
 fn at_nats(place: &Place, cluster: &Cluster) -> ([Started; 2], Centre) {
     let guide = text_of("docs/fleet.md");
-    let keys = guide.split("## Gateways at NATS").nth(1).unwrap().split("```\n").nth(1).unwrap();
+    let keys = guide
+        .split("## Gateways at NATS")
+        .nth(1)
+        .unwrap()
+        .split("```\n")
+        .nth(1)
+        .unwrap();
     let at = |node: usize| format!("mqtt://127.0.0.1:{}", cluster.nodes[node].mqtt);
-    let also_at = keys.lines().find(|line| line.starts_with("also_at = ")).unwrap();
+    let also_at = keys
+        .lines()
+        .find(|line| line.starts_with("also_at = "))
+        .unwrap();
     let keys = keys.replace(also_at, &format!("also_at = [\"{}\"]", at(1)));
     let running = gateway(
         place,
@@ -138,10 +204,17 @@ fn at_nats(place: &Place, cluster: &Cluster) -> ([Started; 2], Centre) {
             ("prefix = \"vfd\"\n", format!("prefix = \"vfd\"\n{keys}")),
         ],
     );
-    let user = |name: &str| ["-V", "mqttv311", "-u", name, "-P", &password(place, name)].map(str::to_owned).to_vec();
+    let user = |name: &str| {
+        ["-V", "mqttv311", "-u", name, "-P", &password(place, name)]
+            .map(str::to_owned)
+            .to_vec()
+    };
     let (operator, reader) = (user("operator"), user("historian")[2..].to_vec());
     let broker = Mosquitto::tools_for(cluster.nodes[2].mqtt);
-    (running, Centre::new(broker, "mqttv311", "vfd/gw-0001", [operator, reader]))
+    (
+        running,
+        Centre::new(broker, "mqttv311", "vfd/gw-0001", [operator, reader]),
+    )
 }
 
 /// `tests/run fleet` installs what it needs and runs it.
@@ -156,23 +229,39 @@ fn a_gateway_at_a_cluster_of_nats_obeys_and_goes_on_at_another_node() {
     centre.wait_for_state("stopped");
     centre.run_now();
     // While the cluster begins it may have gone on already.
-    let connected = |line: &str| line.contains("connected to the broker").then(|| line.to_owned());
+    let connected = |line: &str| {
+        line.contains("connected to the broker")
+            .then(|| line.to_owned())
+    };
     let last = gateway.find_all(|line| connected(line)).pop().unwrap();
     let is_at = |node: &Node, line: &str| line.contains(&format!("\"port\":{}}}", node.mqtt));
-    let node = cluster.nodes.iter().position(|node| is_at(node, &last)).unwrap();
+    let node = cluster
+        .nodes
+        .iter()
+        .position(|node| is_at(node, &last))
+        .unwrap();
     cluster.nodes[node].kill();
     let begun = std::time::Instant::now();
     until("the gateway is at the other node", 4 * PATIENCE, || {
         let seen = gateway.find_all(|line| connected(line));
-        seen.last().filter(|line| is_at(&cluster.nodes[1 - node], line)).map(|_| ())
+        seen.last()
+            .filter(|line| is_at(&cluster.nodes[1 - node], line))
+            .map(|_| ())
     });
-    until("a setpoint is taken at the other node", 3 * PATIENCE, || {
-        // While the nodes have no leader they end connections.
-        let topic = "by/operator/drive/pump-1/command";
-        let _ = centre.try_publish(topic, r#"{"id": "there", "frequency_hz": 21}"#);
-        centre.results("there").pop()
-    });
-    eprintln!("heard at another node {:?} after the first one was killed", begun.elapsed());
+    until(
+        "a setpoint is taken at the other node",
+        3 * PATIENCE,
+        || {
+            // While the nodes have no leader they end connections.
+            let topic = "by/operator/drive/pump-1/command";
+            let _ = centre.try_publish(topic, r#"{"id": "there", "frequency_hz": 21}"#);
+            centre.results("there").pop()
+        },
+    );
+    eprintln!(
+        "heard at another node {:?} after the first one was killed",
+        begun.elapsed()
+    );
     centre.order("run/set", "stop");
     centre.wait_for_state("stopped");
     let refused = gateway.find_all(|line| line.contains("did not grant").then(|| line.clone()));

@@ -29,7 +29,9 @@ impl Relay {
         let relay = self.clone();
         std::thread::spawn(move || {
             for near in listener.incoming().map_while(Result::ok) {
-                let Ok(far) = TcpStream::connect((Ipv4Addr::LOCALHOST, port)) else { continue };
+                let Ok(far) = TcpStream::connect((Ipv4Addr::LOCALHOST, port)) else {
+                    continue;
+                };
                 let mut ends = relay.ends.lock().unwrap();
                 if relay.is_cut.load(Ordering::Relaxed) {
                     continue;
@@ -41,7 +43,12 @@ impl Relay {
                     Arc::clone(&relay.swallows_to_broker),
                     Arc::clone(&relay.holds),
                 );
-                carry(far, near, Arc::clone(&relay.swallows_from_broker), Arc::clone(&relay.holds));
+                carry(
+                    far,
+                    near,
+                    Arc::clone(&relay.swallows_from_broker),
+                    Arc::clone(&relay.holds),
+                );
             }
         });
         own
@@ -70,11 +77,21 @@ impl Relay {
 }
 
 /// Carries bytes until one side closes, and swallows them meanwhile if that is wanted.
-fn carry(mut from: TcpStream, mut to: TcpStream, swallows: Arc<AtomicBool>, holds: Arc<(Mutex<bool>, Condvar)>) {
+fn carry(
+    mut from: TcpStream,
+    mut to: TcpStream,
+    swallows: Arc<AtomicBool>,
+    holds: Arc<(Mutex<bool>, Condvar)>,
+) {
     std::thread::spawn(move || {
         let mut bytes = [0; 4096];
         while let Ok(count @ 1..) = from.read(&mut bytes) {
-            drop(holds.1.wait_while(holds.0.lock().unwrap(), |holds| *holds).unwrap());
+            drop(
+                holds
+                    .1
+                    .wait_while(holds.0.lock().unwrap(), |holds| *holds)
+                    .unwrap(),
+            );
             if !swallows.load(Ordering::Relaxed) && to.write_all(&bytes[..count]).is_err() {
                 break;
             }
@@ -86,12 +103,24 @@ fn carry(mut from: TcpStream, mut to: TcpStream, swallows: Arc<AtomicBool>, hold
 
 #[test]
 fn a_way_that_carries_only_one_direction_is_down_and_the_drive_is_stopped() {
-    for (version, into_broker) in [("version = 5", true), ("version = 5", false), ("version = 4", false)] {
+    for (version, into_broker) in [
+        ("version = 5", true),
+        ("version = 5", false),
+        ("version = 4", false),
+    ] {
         let relay = Relay::default();
         let through = |port| relay.start(port);
-        let plant = Plant::with(Wish { mqtt: version, through: Some(&through), ..Wish::default() });
+        let plant = Plant::with(Wish {
+            mqtt: version,
+            through: Some(&through),
+            ..Wish::default()
+        });
         let seen = plant.run_over_mqtt();
-        let swallows = if into_broker { &relay.swallows_to_broker } else { &relay.swallows_from_broker };
+        let swallows = if into_broker {
+            &relay.swallows_to_broker
+        } else {
+            &relay.swallows_from_broker
+        };
         swallows.store(true, Ordering::Relaxed);
         plant.wait_for_write(seen, (RUN, 0), LOST_AFTER + MARGIN);
         plant.wait_until_not_ready();
@@ -99,7 +128,11 @@ fn a_way_that_carries_only_one_direction_is_down_and_the_drive_is_stopped() {
         swallows.store(false, Ordering::Relaxed);
         plant.wait_until_ready();
         let written = plant.written();
-        assert!(written[seen..].iter().all(|it| *it == (RUN, 0)), "{version}, {into_broker}: {:?}", &written[seen..]);
+        assert!(
+            written[seen..].iter().all(|it| *it == (RUN, 0)),
+            "{version}, {into_broker}: {:?}",
+            &written[seen..]
+        );
         plant.assert_nothing_was_written_since(written.len());
         assert_eq!(plant.output(), Some(0), "{version}, {into_broker}");
     }
@@ -111,15 +144,22 @@ fn a_run_that_waited_in_a_way_that_stood_still_starts_nothing_after_a_stop() {
         for stall in [500, 2_600, 3_200] {
             let relay = Relay::default();
             let through = |port| relay.start(port);
-            let plant =
-                Plant::with(Wish { mqtt: version, lost_after: "60s", through: Some(&through), ..Wish::default() });
+            let plant = Plant::with(Wish {
+                mqtt: version,
+                lost_after: "60s",
+                through: Some(&through),
+                ..Wish::default()
+            });
             let case = format!("{version}, {stall} ms");
             let subscriber = plant.subscriber();
             plant.run_over_mqtt();
             relay.hold(true);
             let held = Instant::now();
             // The broker acknowledges it, and sends it into the way.
-            plant.order("command", r#"{"id": "waited", "run": "forward", "frequency_hz": 30}"#);
+            plant.order(
+                "command",
+                r#"{"id": "waited", "run": "forward", "frequency_hz": 30}"#,
+            );
             let mut client = Raw::connect(plant.modbus);
             plant.write_uniform(&mut client, 256, 0);
             plant.wait_until_it_stands();
@@ -131,11 +171,27 @@ fn a_run_that_waited_in_a_way_that_stood_still_starts_nothing_after_a_stop() {
             // Whatever comes behind it in the same queue, on this connection or on the next one.
             until("the gateway hears again", PATIENCE, || {
                 plant.order("command", r#"{"id": "behind", "reset": false}"#);
-                subscriber.on("/result").iter().any(|it| it.payload.contains("behind")).then_some(())
+                subscriber
+                    .on("/result")
+                    .iter()
+                    .any(|it| it.payload.contains("behind"))
+                    .then_some(())
             });
-            assert!(!plant.written()[seen..].contains(&(RUN, 1)), "{case}: {:?}", plant.written());
-            for result in subscriber.on("drive/pump-1/result").iter().filter(|it| it.payload.contains("waited")) {
-                assert!(result.payload.contains("refused"), "{case}: {}", result.payload);
+            assert!(
+                !plant.written()[seen..].contains(&(RUN, 1)),
+                "{case}: {:?}",
+                plant.written()
+            );
+            for result in subscriber
+                .on("drive/pump-1/result")
+                .iter()
+                .filter(|it| it.payload.contains("waited"))
+            {
+                assert!(
+                    result.payload.contains("refused"),
+                    "{case}: {}",
+                    result.payload
+                );
             }
         }
     }

@@ -50,7 +50,10 @@ impl Hass {
         for (name, data) in [
             ("auth", auth()),
             ("core.config_entries", json!({ "entries": [entry(broker)] })),
-            ("onboarding", json!({ "done": ["user", "core_config", "analytics", "integration"] })),
+            (
+                "onboarding",
+                json!({ "done": ["user", "core_config", "analytics", "integration"] }),
+            ),
         ] {
             let document = json!({ "version": 1, "minor_version": 1, "key": name, "data": data });
             std::fs::write(directory.join(".storage").join(name), document.to_string()).unwrap();
@@ -58,8 +61,15 @@ impl Hass {
         let mut command = Command::new(&program);
         // What it needs is installed; it shall fetch nothing.
         command.arg("--skip-pip").arg("-c").arg(&directory);
-        assert!(program.exists(), "{} is not there; run tests/run, which installs it", program.display());
-        let hass = Self { program: Started::new(command), http };
+        assert!(
+            program.exists(),
+            "{} is not there; run tests/run, which installs it",
+            program.display()
+        );
+        let hass = Self {
+            program: Started::new(command),
+            http,
+        };
         until("Home Assistant is up", START, || {
             let config = hass.ask("GET", "/api/config", "")?;
             (config["state"] == "RUNNING").then_some(())
@@ -69,22 +79,32 @@ impl Hass {
 
     /// State and attributes of an entity; nothing as long as it is not there.
     pub fn entity(&self, id: &str) -> Option<Value> {
-        self.ask("GET", &format!("/api/states/{id}"), "").filter(|it| it.get("state").is_some())
+        self.ask("GET", &format!("/api/states/{id}"), "")
+            .filter(|it| it.get("state").is_some())
     }
 
     /// Waits until an entity is in a state.
     pub fn wait_for(&self, id: &str, state: &str) {
-        until(&format!("{id} is {state}"), PATIENCE, || self.entity(id).filter(|it| it["state"] == state));
+        until(&format!("{id} is {state}"), PATIENCE, || {
+            self.entity(id).filter(|it| it["state"] == state)
+        });
     }
 
     /// Calls a service, as an automation or a person does.
     pub fn call(&self, service: &str, data: &Value) {
-        self.ask("POST", &format!("/api/services/{service}"), &data.to_string()).expect("an answer");
+        self.ask(
+            "POST",
+            &format!("/api/services/{service}"),
+            &data.to_string(),
+        )
+        .expect("an answer");
     }
 
     /// All entities.
     pub fn entities(&self) -> Vec<Value> {
-        self.ask("GET", "/api/states", "").and_then(|it| it.as_array().cloned()).unwrap_or_default()
+        self.ask("GET", "/api/states", "")
+            .and_then(|it| it.as_array().cloned())
+            .unwrap_or_default()
     }
 
     fn ask(&self, method: &str, path: &str, body: &str) -> Option<Value> {
@@ -104,7 +124,11 @@ impl Hass {
 
 /// The delivered package, whose automations and script are for `pump-1` of the gateway `plant`.
 pub fn package() -> String {
-    std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/deploy/home-assistant/package.yaml")).unwrap()
+    std::fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/deploy/home-assistant/package.yaml"
+    ))
+    .unwrap()
 }
 
 /// One user, who owns it, with one token.

@@ -18,7 +18,10 @@ const BIRTH: Duration = Duration::from_secs(10);
 
 fn plant(more: &str) -> Plant {
     let mqtt = format!("{ON}\n{more}");
-    Plant::with(Wish { mqtt: &mqtt, ..Wish::default() })
+    Plant::with(Wish {
+        mqtt: &mqtt,
+        ..Wish::default()
+    })
 }
 
 /// What the broker has retained of announcements, by topic. The fan, which is announced last of all, is waited for.
@@ -31,7 +34,10 @@ fn announced(broker: &Mosquitto) -> BTreeMap<String, Value> {
         let retained = subscriber.on("/config").into_iter().filter(|it| it.retain);
         let parsed = retained.map(|it| (it.topic, serde_json::from_str(&it.payload).unwrap()));
         let found: BTreeMap<_, Value> = parsed.collect();
-        found.keys().any(|topic| topic.ends_with("/drive_pump-1_fan/config")).then_some(found)
+        found
+            .keys()
+            .any(|topic| topic.ends_with("/drive_pump-1_fan/config"))
+            .then_some(found)
     })
 }
 
@@ -42,7 +48,10 @@ fn of<'a>(announced: &'a BTreeMap<String, Value>, component: &str, object: &str)
 /// Presses a button as Home Assistant does.
 fn press(plant: &Plant, announced: &BTreeMap<String, Value>, button: &str) {
     let button = of(announced, "button", &format!("drive_pump-1_{button}"));
-    plant.broker.publish(button["command_topic"].as_str().unwrap(), button["payload_press"].as_str().unwrap());
+    plant.broker.publish(
+        button["command_topic"].as_str().unwrap(),
+        button["payload_press"].as_str().unwrap(),
+    );
 }
 
 #[test]
@@ -51,7 +60,9 @@ fn what_is_announced_commands_the_drive() {
         let plant = plant(version);
         let announced = announced(&plant.broker);
         let number = of(&announced, "number", "drive_pump-1_set_frequency");
-        plant.broker.publish(number["command_topic"].as_str().unwrap(), "20.5");
+        plant
+            .broker
+            .publish(number["command_topic"].as_str().unwrap(), "20.5");
         plant.wait_for_write(0, (FREQUENCY, 2050), PATIENCE);
         press(&plant, &announced, "forward");
         plant.wait_until_it_turns();
@@ -61,7 +72,9 @@ fn what_is_announced_commands_the_drive() {
         // Each value that it is told of stands where it was told.
         let subscriber = plant.subscriber();
         for (topic, document) in &announced {
-            let Some(state) = document.get("state_topic").and_then(Value::as_str) else { continue };
+            let Some(state) = document.get("state_topic").and_then(Value::as_str) else {
+                continue;
+            };
             let is_passing = state.ends_with("/result") || state.ends_with("/trip/event");
             // Without a trip nothing stands there.
             if !is_passing && !state.ends_with("/trip/text") {
@@ -79,17 +92,30 @@ fn its_end_stops_the_drive_and_its_birth_brings_the_announcements_again() {
     plant.broker.publish("homeassistant/status", "online");
     let seen = plant.run_over_mqtt();
     std::thread::sleep(LOST_AFTER * 2);
-    assert!(plant.output() > Some(0), "a session lease lasts while both are there");
+    assert!(
+        plant.output() > Some(0),
+        "a session lease lasts while both are there"
+    );
     plant.broker.publish("homeassistant/status", "offline");
     plant.wait_for_write(seen, (RUN, 0), LOST_AFTER + MARGIN);
     plant.wait_until_it_stands();
     let subscriber = Subscriber::new(&plant.broker, "mqttv5", "homeassistant/+/+/+/config");
-    let lively = || subscriber.on("/config").into_iter().filter(|it| !it.retain).count();
-    until("what was retained has come", PATIENCE, || (subscriber.on("/config").len() >= before.len()).then_some(()));
+    let lively = || {
+        subscriber
+            .on("/config")
+            .into_iter()
+            .filter(|it| !it.retain)
+            .count()
+    };
+    until("what was retained has come", PATIENCE, || {
+        (subscriber.on("/config").len() >= before.len()).then_some(())
+    });
     assert_eq!(lively(), 0);
     plant.broker.publish("homeassistant/status", "online");
     // MQTT 5 without retain as published, so what comes now is no retained message.
-    until("all of it comes again", BIRTH, || (lively() >= before.len()).then_some(()));
+    until("all of it comes again", BIRTH, || {
+        (lively() >= before.len()).then_some(())
+    });
     plant.assert_nothing_was_written_since(plant.written().len());
 }
 
@@ -100,8 +126,13 @@ fn what_is_gone_is_taken_back_over_a_restart_and_a_reload() {
         let before = announced(&plant.broker);
         let stale = |topic: &str| before.contains_key(topic) && topic.contains("drive_pump-1_");
         let subscriber = Subscriber::new(&plant.broker, "mqttv311", "homeassistant/#");
-        let cleared =
-            || subscriber.on("/config").into_iter().filter(|it| it.payload.is_empty() && stale(&it.topic)).count();
+        let cleared = || {
+            subscriber
+                .on("/config")
+                .into_iter()
+                .filter(|it| it.payload.is_empty() && stale(&it.topic))
+                .count()
+        };
         let old = before.keys().filter(|topic| stale(topic)).count();
         assert!(old > 10);
         // Another name for the drive, while nobody is there to see it go.
@@ -110,15 +141,26 @@ fn what_is_gone_is_taken_back_over_a_restart_and_a_reload() {
         let text = std::fs::read_to_string(&plant.file).unwrap();
         std::fs::write(&plant.file, text.replace("\"pump-1\"", "\"fan-9\"")).unwrap();
         plant.start_gateway_again();
-        until("the entities of the old name are gone", PATIENCE, || (cleared() >= old).then_some(()));
-        until("those of the new one are there", PATIENCE, || subscriber.has("drive_fan-9_last_reason").then_some(()));
+        until("the entities of the old name are gone", PATIENCE, || {
+            (cleared() >= old).then_some(())
+        });
+        until("those of the new one are there", PATIENCE, || {
+            subscriber.has("drive_fan-9_last_reason").then_some(())
+        });
         // Discovery is switched off.
         let text = std::fs::read_to_string(&plant.file).unwrap();
-        std::fs::write(&plant.file, text.replace("discovery = true", "discovery = false")).unwrap();
+        std::fs::write(
+            &plant.file,
+            text.replace("discovery = true", "discovery = false"),
+        )
+        .unwrap();
         plant.gateway.signal("HUP");
         until("nothing is announced any more", PATIENCE, || {
             let all = subscriber.on("/config");
-            let last: BTreeMap<_, _> = all.iter().map(|it| (&it.topic, it.payload.is_empty())).collect();
+            let last: BTreeMap<_, _> = all
+                .iter()
+                .map(|it| (&it.topic, it.payload.is_empty()))
+                .collect();
             last.values().all(|is_empty| *is_empty).then_some(())
         });
     }
@@ -128,7 +170,9 @@ fn what_is_gone_is_taken_back_over_a_restart_and_a_reload() {
 /// topics.
 #[test]
 fn its_own_schemas_and_templates_take_what_is_announced() {
-    let Some(python) = hass::program().map(|hass| hass.with_file_name("python")) else { return };
+    let Some(python) = hass::program().map(|hass| hass.with_file_name("python")) else {
+        return;
+    };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/process/discovery.py");
     let plant = plant("version = 5");
     let announced = announced(&plant.broker);
@@ -137,25 +181,48 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
     plant.order("command", r#"{"id": "a2", "run": "stop"}"#);
     subscriber.results("a2");
     subscriber.wait_for_payload("run/state", "stopped");
-    subscriber.wait_for("pump-1/state", |it| it.payload.contains(r#""local":false"#).then_some(()));
+    subscriber.wait_for("pump-1/state", |it| {
+        it.payload.contains(r#""local":false"#).then_some(())
+    });
     let mut child = Command::new(&python)
         .arg(script)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
-        .unwrap_or_else(|error| panic!("{}: {error}; run tests/run, which installs it", python.display()));
+        .unwrap_or_else(|error| {
+            panic!(
+                "{}: {error}; run tests/run, which installs it",
+                python.display()
+            )
+        });
     let mut input = child.stdin.take().unwrap();
     // Those of every kind of drive first.
     for kind in ["gateway", "read_only", "forward", "both_ways"] {
-        let file = format!("{}/tests/golden/home_assistant/{kind}.json", env!("CARGO_MANIFEST_DIR"));
-        let golden: BTreeMap<String, Value> = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+        let file = format!(
+            "{}/tests/golden/home_assistant/{kind}.json",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        let golden: BTreeMap<String, Value> =
+            serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
         for (topic, document) in golden {
-            writeln!(input, "{}", json!({ "topic": topic, "payload": document.to_string(), "state": null })).unwrap();
+            writeln!(
+                input,
+                "{}",
+                json!({ "topic": topic, "payload": document.to_string(), "state": null })
+            )
+            .unwrap();
         }
     }
     for (topic, document) in &announced {
-        let state = document.get("state_topic").and_then(Value::as_str).unwrap_or("-");
-        let last = subscriber.on(state).into_iter().next_back().map(|it| it.payload);
+        let state = document
+            .get("state_topic")
+            .and_then(Value::as_str)
+            .unwrap_or("-");
+        let last = subscriber
+            .on(state)
+            .into_iter()
+            .next_back()
+            .map(|it| it.payload);
         let line = json!({ "topic": topic, "payload": document.to_string(), "state": last });
         writeln!(input, "{line}").unwrap();
     }
@@ -164,7 +231,11 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
     assert!(output.status.success());
     let shown: BTreeMap<String, Value> = serde_json::from_slice(&output.stdout).unwrap();
     assert!(shown.len() > announced.len());
-    let of_state = |object: &str| shown[object]["state"].as_str().unwrap_or_else(|| panic!("{object}"));
+    let of_state = |object: &str| {
+        shown[object]["state"]
+            .as_str()
+            .unwrap_or_else(|| panic!("{object}"))
+    };
     for (object, right) in [
         ("drive_pump-1_connected", "online"),
         ("drive_pump-1_run_state", "stopped"),
@@ -187,8 +258,13 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
     }
     // Nothing on the topic: unknown, and no error.
     for (object, it) in &shown {
-        let Some(cleared) = it["cleared"].as_str() else { continue };
-        assert!(["None", "unknown", "nobody"].contains(&cleared), "{object}: {cleared}");
+        let Some(cleared) = it["cleared"].as_str() else {
+            continue;
+        };
+        assert!(
+            ["None", "unknown", "nobody"].contains(&cleared),
+            "{object}: {cleared}"
+        );
     }
 }
 
@@ -196,7 +272,9 @@ fn its_own_schemas_and_templates_take_what_is_announced() {
 /// would tell.
 #[test]
 fn home_assistant_itself_shows_and_commands_the_drive() {
-    let Some(program) = hass::program() else { return };
+    let Some(program) = hass::program() else {
+        return;
+    };
     let plant = plant("version = 5");
     let mut hass = Hass::start(program, &plant.place, plant.broker.address());
     for (id, state) in [
@@ -217,19 +295,33 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
     }
     let number = "number.pump_1_set_frequency";
     let limits = hass.entity(number).unwrap();
-    assert_eq!((&limits["attributes"]["mode"], &limits["attributes"]["step"]), (&"box".into(), &0.01.into()));
-    hass.call("number/set_value", &json!({ "entity_id": number, "value": 20.5 }));
+    assert_eq!(
+        (&limits["attributes"]["mode"], &limits["attributes"]["step"]),
+        (&"box".into(), &0.01.into())
+    );
+    hass.call(
+        "number/set_value",
+        &json!({ "entity_id": number, "value": 20.5 }),
+    );
     plant.wait_for_write(0, (FREQUENCY, 2050), PATIENCE);
     hass.wait_for("sensor.pump_1_last_command", "confirmed");
     hass.wait_for(number, "20.5");
-    let press = |button: &str| hass.call("button/press", &json!({ "entity_id": format!("button.pump_1_{button}") }));
+    let press = |button: &str| {
+        hass.call(
+            "button/press",
+            &json!({ "entity_id": format!("button.pump_1_{button}") }),
+        )
+    };
     press("forward");
     plant.wait_until_it_turns();
     hass.wait_for("sensor.pump_1_run_state", "forward");
     hass.wait_for("binary_sensor.pump_1_running", "on");
     hass.wait_for("sensor.pump_1_control_held_by", "mqtt");
     std::thread::sleep(LOST_AFTER * 2);
-    assert!(plant.output() > Some(0), "a session lease lasts while Home Assistant is there");
+    assert!(
+        plant.output() > Some(0),
+        "a session lease lasts while Home Assistant is there"
+    );
     press("stop");
     plant.wait_until_it_stands();
     assert_eq!(plant.written(), [(FREQUENCY, 2050), (RUN, 1), (RUN, 0)]);
@@ -242,11 +334,17 @@ fn home_assistant_itself_shows_and_commands_the_drive() {
         (plant.written().len() > seen).then_some(seen + 1)
     });
     plant.wait_until_it_turns();
-    let gone: Vec<_> = hass.entities().into_iter().filter(|it| it["state"] == "unavailable").collect();
+    let gone: Vec<_> = hass
+        .entities()
+        .into_iter()
+        .filter(|it| it["state"] == "unavailable")
+        .collect();
     assert_eq!(gone, Vec::<Value>::new());
     let text = hass.program.text();
-    let bad: Vec<_> =
-        text.lines().filter(|it| it.contains("mqtt") && (it.contains("ERROR") || it.contains("WARN"))).collect();
+    let bad: Vec<_> = text
+        .lines()
+        .filter(|it| it.contains("mqtt") && (it.contains("ERROR") || it.contains("WARN")))
+        .collect();
     assert_eq!(bad, Vec::<&str>::new());
     hass.program.kill();
     plant.wait_for_write(at, (RUN, 0), LOST_AFTER + MARGIN);
@@ -260,7 +358,9 @@ fn a_switch_and_a_fan_command_it(hass: &Hass, plant: &Plant) {
     hass.wait_for(fan, "off");
     let order = |service: &str, id: &str, more: Value| {
         let mut call = json!({ "entity_id": id });
-        call.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        call.as_object_mut()
+            .unwrap()
+            .extend(more.as_object().unwrap().clone());
         hass.call(service, &call);
     };
     let starts = |service: &str, id: &str| {
@@ -274,7 +374,10 @@ fn a_switch_and_a_fan_command_it(hass: &Hass, plant: &Plant) {
         hass.wait_for(id, "on");
     };
     starts("switch/turn_on", switch);
-    assert_eq!(hass.entity(switch).unwrap()["attributes"]["start_inhibited"], false);
+    assert_eq!(
+        hass.entity(switch).unwrap()["attributes"]["start_inhibited"],
+        false
+    );
     order("switch/turn_off", switch, json!({}));
     plant.wait_until_it_stands();
     hass.wait_for(switch, "off");
@@ -283,9 +386,17 @@ fn a_switch_and_a_fan_command_it(hass: &Hass, plant: &Plant) {
     order("fan/set_direction", fan, json!({ "direction": "reverse" }));
     order("fan/set_percentage", fan, json!({ "percentage": 60 }));
     plant.wait_for_write(seen, (FREQUENCY, 3000), PATIENCE);
-    assert!(plant.written()[seen..].iter().all(|(register, _)| *register != RUN), "{:?}", plant.written());
+    assert!(
+        plant.written()[seen..]
+            .iter()
+            .all(|(register, _)| *register != RUN),
+        "{:?}",
+        plant.written()
+    );
     starts("fan/turn_on", fan);
-    until("the share is shown", PATIENCE, || (hass.entity(fan)?["attributes"]["percentage"] == 60).then_some(()));
+    until("the share is shown", PATIENCE, || {
+        (hass.entity(fan)?["attributes"]["percentage"] == 60).then_some(())
+    });
     order("fan/turn_off", fan, json!({}));
     plant.wait_until_it_stands();
     hass.wait_for(fan, "off");
@@ -295,17 +406,34 @@ fn a_switch_and_a_fan_command_it(hass: &Hass, plant: &Plant) {
 fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
     let entities = hass.entities();
     let states = |kind: &str| -> Vec<_> {
-        let of_kind = |it: &&Value| it["entity_id"].as_str().is_some_and(|id| id.starts_with(kind));
-        entities.iter().filter(of_kind).map(|it| it["state"].as_str().unwrap()).collect()
+        let of_kind = |it: &&Value| {
+            it["entity_id"]
+                .as_str()
+                .is_some_and(|id| id.starts_with(kind))
+        };
+        entities
+            .iter()
+            .filter(of_kind)
+            .map(|it| it["state"].as_str().unwrap())
+            .collect()
     };
     let automations = states("automation.");
-    assert!(automations.len() == hass::package().matches("alias: ").count() - 1, "{automations:?}");
-    assert!(automations.iter().all(|state| *state == "on"), "{automations:?}");
+    assert!(
+        automations.len() == hass::package().matches("alias: ").count() - 1,
+        "{automations:?}"
+    );
+    assert!(
+        automations.iter().all(|state| *state == "on"),
+        "{automations:?}"
+    );
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/home-assistant");
     let files = ["package.yaml", "dashboard.yaml"].map(|name| folder.join(name));
     let named = entity_ids(&Value::Array(documents_of("yaml", &files)));
     assert!(named.len() > 15, "{named:?}");
-    let missing: Vec<_> = named.iter().filter(|id| entities.iter().all(|it| it["entity_id"] != id.as_str())).collect();
+    let missing: Vec<_> = named
+        .iter()
+        .filter(|id| entities.iter().all(|it| it["entity_id"] != id.as_str()))
+        .collect();
     assert_eq!(missing, Vec::<&String>::new());
 
     let at = plant.written().len();
@@ -315,13 +443,23 @@ fn the_delivered_package_works(hass: &Hass, plant: &Plant) {
     });
     assert!(plant.written()[at..].contains(&(FREQUENCY, 2550)));
     plant.wait_until_it_turns();
-    hass.call("button/press", &json!({ "entity_id": "button.pump_1_stop" }));
+    hass.call(
+        "button/press",
+        &json!({ "entity_id": "button.pump_1_stop" }),
+    );
     plant.wait_until_it_stands();
 }
 
 /// Every entity that stands in `value`, however deep.
 fn entity_ids(value: &Value) -> BTreeSet<String> {
-    const KINDS: [&str; 6] = ["sensor.", "binary_sensor.", "button.", "number.", "event.", "input_boolean."];
+    const KINDS: [&str; 6] = [
+        "sensor.",
+        "binary_sensor.",
+        "button.",
+        "number.",
+        "event.",
+        "input_boolean.",
+    ];
     match value {
         Value::String(text) if KINDS.iter().any(|kind| text.starts_with(kind)) => {
             // A service is named like an entity.

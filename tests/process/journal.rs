@@ -11,14 +11,35 @@ use std::process::Command;
 
 /// The rows of the journal in `data`, as `vfd-gateway journal` prints them.
 fn rows(which: &str, data: &Path) -> Vec<Value> {
-    let output = vfd_gateway(&["journal", which, "--data-dir", data.to_str().unwrap(), "--json", "--last", "1000"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    let output = vfd_gateway(&[
+        "journal",
+        which,
+        "--data-dir",
+        data.to_str().unwrap(),
+        "--json",
+        "--last",
+        "1000",
+    ]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
 }
 
 /// The numbers and kinds of the trip events.
 fn events(data: &Path) -> Vec<(u64, String)> {
-    let event = |row: &Value| (row["number"].as_u64().unwrap(), row["kind"].as_str().unwrap().to_owned());
+    let event = |row: &Value| {
+        (
+            row["number"].as_u64().unwrap(),
+            row["kind"].as_str().unwrap().to_owned(),
+        )
+    };
     rows("trips", data).iter().map(event).collect()
 }
 
@@ -33,18 +54,28 @@ fn a_file_that_was_cut_is_shown_as_far_as_it_can_be_and_said_to_be() {
     }
     super::beginning::fill(&whole.join("journal.db"), 100);
     let bytes = std::fs::read(whole.join("journal.db")).unwrap();
-    let cuts = (0..bytes.len() / 4096).flat_map(|page| [0, 1, 47, 2000].map(|more| page * 4096 + more));
+    let cuts =
+        (0..bytes.len() / 4096).flat_map(|page| [0, 1, 47, 2000].map(|more| page * 4096 + more));
     for cut in cuts {
         let data = place.file("cut");
         std::fs::create_dir(&data).unwrap();
         std::fs::write(data.join("journal.db"), &bytes[..cut]).unwrap();
         let mut journal = program();
-        journal.args(["journal", "--last", "1000", "--data-dir", data.to_str().unwrap()]);
+        journal.args([
+            "journal",
+            "--last",
+            "1000",
+            "--data-dir",
+            data.to_str().unwrap(),
+        ]);
         let mut journal = Started::new(journal);
         assert_eq!(journal.end_within(PATIENCE).code(), Some(1), "cut to {cut}");
         until("it says why", PATIENCE, || {
             let said = journal.text();
-            (said.contains("damaged") || said.contains("the journal is empty") || said.contains("short")).then_some(())
+            (said.contains("damaged")
+                || said.contains("the journal is empty")
+                || said.contains("short"))
+            .then_some(())
         });
         std::fs::remove_dir_all(&data).unwrap();
     }
@@ -52,23 +83,40 @@ fn a_file_that_was_cut_is_shown_as_far_as_it_can_be_and_said_to_be() {
 
 #[test]
 fn a_trip_outlives_a_kill_once_and_numbers_go_on() {
-    let mut plant = Plant::with(Wish { simulate: &["--trip-every", "5"], ..Wish::default() });
+    let mut plant = Plant::with(Wish {
+        simulate: &["--trip-every", "5"],
+        ..Wish::default()
+    });
     let data = plant.place.file("data");
     plant.run_over_mqtt();
-    let right = [(1, "tripped".to_owned()), (2, "cleared".to_owned()), (3, "tripped".to_owned())];
-    until("the trip is in the journal while the gateway runs", PATIENCE, || {
-        (events(&data) == right[..1]).then_some(())
-    });
+    let right = [
+        (1, "tripped".to_owned()),
+        (2, "cleared".to_owned()),
+        (3, "tripped".to_owned()),
+    ];
+    until(
+        "the trip is in the journal while the gateway runs",
+        PATIENCE,
+        || (events(&data) == right[..1]).then_some(()),
+    );
     plant.order("trip/reset", "reset");
-    until("so is its end", PATIENCE, || (events(&data) == right[..2]).then_some(()));
+    until("so is its end", PATIENCE, || {
+        (events(&data) == right[..2]).then_some(())
+    });
     plant.gateway.kill();
     plant.start_gateway_again();
     assert_eq!(events(&data), right[..2]);
     plant.run_over_mqtt();
-    until("the next trip has the next number", PATIENCE, || (events(&data) == right).then_some(()));
-    let started = rows("availability", &data).into_iter().filter(|row| row["body"]["state"] == "started");
+    until("the next trip has the next number", PATIENCE, || {
+        (events(&data) == right).then_some(())
+    });
+    let started = rows("availability", &data)
+        .into_iter()
+        .filter(|row| row["body"]["state"] == "started");
     assert_eq!(
-        started.map(|row| row["body"]["changed"].clone()).collect::<Vec<_>>(),
+        started
+            .map(|row| row["body"]["changed"].clone())
+            .collect::<Vec<_>>(),
         [Value::Bool(false), Value::Bool(false)]
     );
 }
@@ -93,7 +141,11 @@ impl Small {
             port.display()
         );
         place.write("gateway.toml", &text);
-        Self { place, gateway: None, _drive: drive }
+        Self {
+            place,
+            gateway: None,
+            _drive: drive,
+        }
     }
 
     /// Starts the gateway, behind `strace` with these options if there are any.
@@ -112,7 +164,10 @@ impl Small {
             command.env("RUST_LOG", "info");
             command
         };
-        command.arg("run").arg("-c").arg(self.place.file("gateway.toml"));
+        command
+            .arg("run")
+            .arg("-c")
+            .arg(self.place.file("gateway.toml"));
         let gateway = Started::new(command);
         let address = gateway.wait_for("where it listens", |line| {
             let fields = fields(line)?;
@@ -146,20 +201,32 @@ fn while_the_disk_refuses_control_goes_on_and_the_journal_recovers_by_itself() {
         let mut small = Small::new();
         let log = small.place.file("data/journal.db-wal");
         let inject = format!("inject=pwrite64:error={error}:when=1..4");
-        small.run(&["-P", log.to_str().unwrap(), "-e", "trace=pwrite64", "-e", &inject]);
+        small.run(&[
+            "-P",
+            log.to_str().unwrap(),
+            "-e",
+            "trace=pwrite64",
+            "-e",
+            &inject,
+        ]);
         let health = until("the journal says that it cannot write", PATIENCE, || {
             let health = small.health()?;
             (health["journal"]["state"] != "ok").then_some(health)
         });
         assert!(health["journal"]["reason"].is_string(), "{health}");
-        until("the drive is read all the same", PATIENCE, || small.answers());
+        until("the drive is read all the same", PATIENCE, || {
+            small.answers()
+        });
         until("the journal can write again", PATIENCE * 2, || {
             (small.health()?["journal"]["state"] == "ok").then_some(())
         });
         small.terminate();
         let states: Vec<_> = rows("availability", &small.place.file("data"));
         for state in ["started", "up", "ended"] {
-            assert!(states.iter().any(|row| row["body"]["state"] == state), "{error}: no {state} in {states:?}");
+            assert!(
+                states.iter().any(|row| row["body"]["state"] == state),
+                "{error}: no {state} in {states:?}"
+            );
         }
     }
 }
@@ -170,24 +237,44 @@ fn a_flipped_byte_costs_one_row_and_a_damaged_file_is_kept_beside() {
     let data = small.place.file("data");
     small.run(&[]);
     until("the line is up", PATIENCE, || {
-        rows("availability", &data).iter().any(|row| row["kind"] == "line").then_some(())
+        rows("availability", &data)
+            .iter()
+            .any(|row| row["kind"] == "line")
+            .then_some(())
     });
     small.terminate();
     let file = data.join("journal.db");
     let mut bytes = std::fs::read(&file).unwrap();
-    let at = bytes.windows(12).position(|text| text == b"\"state\":\"up\"").unwrap();
+    let at = bytes
+        .windows(12)
+        .position(|text| text == b"\"state\":\"up\"")
+        .unwrap();
     bytes[at + 10] ^= 1;
     std::fs::write(&file, &bytes).unwrap();
     let shown = rows("all", &data);
-    assert_eq!(shown.iter().filter(|row| row["damaged"] == true).count(), 1, "{shown:?}");
+    assert_eq!(
+        shown.iter().filter(|row| row["damaged"] == true).count(),
+        1,
+        "{shown:?}"
+    );
     let said = vfd_gateway(&["journal", "--data-dir", data.to_str().unwrap()]);
-    assert!(String::from_utf8(said.stdout).unwrap().contains("is damaged"));
+    assert!(
+        String::from_utf8(said.stdout)
+            .unwrap()
+            .contains("is damaged")
+    );
 
     std::fs::write(&file, &bytes[..bytes.len() / 3]).unwrap();
     small.run(&[]);
-    let aside =
-        until("it is moved aside", PATIENCE, || small.health()?["journal"]["moved_aside"].as_str().map(str::to_owned));
-    assert_eq!(std::fs::metadata(&aside).unwrap().len() as usize, bytes.len() / 3);
+    let aside = until("it is moved aside", PATIENCE, || {
+        small.health()?["journal"]["moved_aside"]
+            .as_str()
+            .map(str::to_owned)
+    });
+    assert_eq!(
+        std::fs::metadata(&aside).unwrap().len() as usize,
+        bytes.len() / 3
+    );
     until("the drive is read", PATIENCE, || small.answers());
     small.terminate();
 }
@@ -199,5 +286,10 @@ fn without_a_journal_and_with_wrong_words_it_says_so() {
     let output = vfd_gateway(&["journal", "--data-dir", directory.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("there is no journal"));
-    assert_eq!(vfd_gateway(&["journal", "--since", "yesterday"]).status.code(), Some(2));
+    assert_eq!(
+        vfd_gateway(&["journal", "--since", "yesterday"])
+            .status
+            .code(),
+        Some(2)
+    );
 }

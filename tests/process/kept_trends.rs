@@ -15,8 +15,13 @@ fn kept(shop: &Shop, query: &str) -> Option<Value> {
 #[test]
 fn a_minute_that_was_kept_is_there_after_a_kill_and_the_page_draws_it() {
     let mut shop = Shop::open(true);
-    let has_rows =
-        || kept(&shop, "span=24h").filter(|it| it["values"][0].as_array().is_some_and(|rows| !rows.is_empty()));
+    let has_rows = || {
+        kept(&shop, "span=24h").filter(|it| {
+            it["values"][0]
+                .as_array()
+                .is_some_and(|rows| !rows.is_empty())
+        })
+    };
     let before = until("a minute is kept", MINUTE_MAX + PATIENCE, has_rows);
     assert_eq!(before["columns"][0]["name"], "output_frequency");
     assert_eq!(before["step_s"], 60);
@@ -27,9 +32,13 @@ fn a_minute_that_was_kept_is_there_after_a_kill_and_the_page_draws_it() {
     assert_eq!(kept(&shop, "span=30d").unwrap()["step_s"], 3600);
     let rows = kept(&shop, "span=1h&format=rows&values=output_frequency").unwrap();
     assert_eq!(rows[0]["output_frequency"], 0.0, "{rows}");
-    let csv = shop.get("/api/v1/trend?drive=pump-1&span=7d&format=csv&values=output_frequency").unwrap();
+    let csv = shop
+        .get("/api/v1/trend?drive=pump-1&span=7d&format=csv&values=output_frequency")
+        .unwrap();
     assert!(
-        csv.starts_with("time,output_frequency_min (Hz),output_frequency_mean (Hz),output_frequency_max (Hz)\n2"),
+        csv.starts_with(
+            "time,output_frequency_min (Hz),output_frequency_mean (Hz),output_frequency_max (Hz)\n2"
+        ),
         "{csv}"
     );
 

@@ -2,7 +2,9 @@
 
 use super::chromium::Browser;
 use super::looking::{CARD, PASSWORD, Shop, in_card, sign_in};
-use super::many_drives::{assert_no_barrier_in_any_state, assert_no_stop_moves_in_any_layout, crowded};
+use super::many_drives::{
+    assert_no_barrier_in_any_state, assert_no_stop_moves_in_any_layout, crowded,
+};
 use serde_json::json;
 
 /// Chooses a language as a user does, and waits until the page is back in it.
@@ -24,7 +26,9 @@ fn wait_until_shown(browser: &Browser, code: &str) {
 fn in_german(shop: &Shop) -> Browser {
     let browser = shop.browser();
     sign_in(&browser, PASSWORD);
-    browser.wait(&format!("document.querySelector('{CARD} .stop').checkVisibility()"));
+    browser.wait(&format!(
+        "document.querySelector('{CARD} .stop').checkVisibility()"
+    ));
     choose(&browser, "de");
     browser
 }
@@ -52,7 +56,9 @@ fn a_reader_of_german_is_told_everything_in_german_and_commands_with_a_comma() {
     assert_eq!(browser.text("#session .stop"), "ALLE STOPPEN");
     for panel in ["trend", "journal", "traffic", "report"] {
         browser.click(&format!("#tab-{panel}"));
-        browser.wait(&format!("document.querySelector('#{panel}').textContent.length > 20"));
+        browser.wait(&format!(
+            "document.querySelector('#{panel}').textContent.length > 20"
+        ));
     }
     assert_eq!(left_in_english(&browser), json!([]));
     browser.fill(&in_card("input"), "12,5");
@@ -115,12 +121,17 @@ fn a_number_is_what_was_typed_in_every_language_or_none() {
         ("Infinity", json!(null)),
     ];
     let numbers: Vec<_> = typed.iter().map(|(typed, _)| *typed).collect();
-    let read = format!("return import('/assets/texts.js').then(({{ decimal }}) => {}.map(decimal))", json!(numbers));
+    let read = format!(
+        "return import('/assets/texts.js').then(({{ decimal }}) => {}.map(decimal))",
+        json!(numbers)
+    );
     let wanted: Vec<_> = typed.iter().map(|(_, wanted)| wanted.clone()).collect();
     assert_eq!(browser.script(&read), json!(wanted));
     browser.fill(&in_card("input"), "1.234");
     browser.wait_for_text(&in_card(".range"), "muss 5 bis 50 Hz sein");
-    let is_off = format!("document.querySelector('{CARD} .setpoint button').getAttribute('aria-disabled') === 'true'");
+    let is_off = format!(
+        "document.querySelector('{CARD} .setpoint button').getAttribute('aria-disabled') === 'true'"
+    );
     browser.wait(&is_off);
 }
 

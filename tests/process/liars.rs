@@ -47,7 +47,9 @@ fn lying(lie: Lie, has_properties: bool) -> (u16, Arc<Mutex<Vec<Seen>>>) {
                 seen.len() - 1
             };
             // The client closes it sooner or later.
-            let _ = serve(stream, lie, has_properties, &mut |note| note(&mut seen.lock().unwrap()[place]));
+            let _ = serve(stream, lie, has_properties, &mut |note| {
+                note(&mut seen.lock().unwrap()[place])
+            });
         }
     });
     (port, all)
@@ -55,7 +57,12 @@ fn lying(lie: Lie, has_properties: bool) -> (u16, Arc<Mutex<Vec<Seen>>>) {
 
 type Note<'a> = &'a mut dyn FnMut(&dyn Fn(&mut Seen));
 
-fn serve(mut stream: TcpStream, lie: Lie, has_properties: bool, note: Note<'_>) -> std::io::Result<()> {
+fn serve(
+    mut stream: TcpStream,
+    lie: Lie,
+    has_properties: bool,
+    note: Note<'_>,
+) -> std::io::Result<()> {
     let none: &[u8] = if has_properties { &[0] } else { &[] };
     loop {
         let (kind, body) = packet(&mut stream)?;
@@ -137,10 +144,25 @@ fn a_broker_that_grants_or_delivers_nothing_is_reported_nothing_and_asked_again(
             };
             gateway.wait_for(reason, |line| line.contains(reason).then_some(()));
             for seen in connections {
-                assert!(seen.has_subscribed, "{lie:?}, version {version}: on every connection");
-                let others = seen.published.iter().filter(|topic| *topic != "vfd/plant/probe").count();
-                assert_eq!(others, 0, "{lie:?}, version {version}: {:?}", seen.published);
-                assert_eq!(seen.published.is_empty(), lie != Lie::Deaf, "{lie:?}, version {version}");
+                assert!(
+                    seen.has_subscribed,
+                    "{lie:?}, version {version}: on every connection"
+                );
+                let others = seen
+                    .published
+                    .iter()
+                    .filter(|topic| *topic != "vfd/plant/probe")
+                    .count();
+                assert_eq!(
+                    others, 0,
+                    "{lie:?}, version {version}: {:?}",
+                    seen.published
+                );
+                assert_eq!(
+                    seen.published.is_empty(),
+                    lie != Lie::Deaf,
+                    "{lie:?}, version {version}"
+                );
             }
             gateway.kill();
         }

@@ -52,13 +52,23 @@ impl Shop {
         let port = place.file("line");
         let mut simulate = program();
         simulate
-            .args(["simulate", "--model", "hyundai-n700", "--baud", "38400", "--trip-on-enter", "--link"])
+            .args([
+                "simulate",
+                "--model",
+                "hyundai-n700",
+                "--baud",
+                "38400",
+                "--trip-on-enter",
+                "--link",
+            ])
             .arg(&port);
         for station in 1..=names.len() {
             simulate.args(["--station", &station.to_string()]);
         }
         let drive = Started::at_a_keyboard(simulate);
-        drive.wait_for("that it plays", |line| line.contains("station").then_some(()));
+        drive.wait_for("that it plays", |line| {
+            line.contains("station").then_some(())
+        });
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
         std::fs::create_dir(place.file("data")).unwrap();
         let (from, seconds) = (if users { "page" } else { "mqtt" }, LOST_AFTER.as_secs());
@@ -79,14 +89,29 @@ impl Shop {
         );
         if users {
             let hash = hashed(PASSWORD);
-            write!(text, "\n[[http.users]]\nname = \"{USER}\"\npassword_hash = \"{hash}\"\n").unwrap();
+            write!(
+                text,
+                "\n[[http.users]]\nname = \"{USER}\"\npassword_hash = \"{hash}\"\n"
+            )
+            .unwrap();
         } else {
             // Commands over MQTT need a broker; that there is none changes nothing here.
-            write!(text, "\n[mqtt]\nbroker = \"mqtt://127.0.0.1:{}\"\n", free_port()).unwrap();
+            write!(
+                text,
+                "\n[mqtt]\nbroker = \"mqtt://127.0.0.1:{}\"\n",
+                free_port()
+            )
+            .unwrap();
         }
         let file = place.write("gateway.toml", &text);
         let gateway = run(&file);
-        let shop = Self { gateway, drive, http, file, _place: place };
+        let shop = Self {
+            gateway,
+            drive,
+            http,
+            file,
+            _place: place,
+        };
         shop.wait_until_the_drive_is_known();
         shop
     }
@@ -102,7 +127,12 @@ impl Shop {
     pub fn get(&self, path: &str) -> Option<String> {
         let mut stream = TcpStream::connect(self.http).ok()?;
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.http).ok()?;
+        write!(
+            stream,
+            "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+            self.http
+        )
+        .ok()?;
         let mut answer = String::new();
         stream.read_to_string(&mut answer).ok()?;
         Some(answer.split_once("\r\n\r\n")?.1.to_owned())
@@ -111,7 +141,10 @@ impl Shop {
     /// What the gateway says the drive does.
     fn run_state(&self) -> String {
         let health: Value = serde_json::from_str(&self.get("/api/v1/health").unwrap()).unwrap();
-        health["drives"][0]["run_state"].as_str().unwrap().to_owned()
+        health["drives"][0]["run_state"]
+            .as_str()
+            .unwrap()
+            .to_owned()
     }
 
     /// A browser that shows the page.
@@ -138,11 +171,19 @@ pub fn run(file: &std::path::Path) -> Started {
 /// What stands in the configuration for this password.
 fn hashed(password: &str) -> String {
     let mut command = program();
-    command.arg("password").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+        .arg("password")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     writeln!(child.stdin.take().unwrap(), "{password}").unwrap();
     let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap().trim().to_owned()
 }
 
@@ -156,7 +197,9 @@ pub fn mark(browser: &Browser, label: &str) -> String {
         "const all = [...document.querySelectorAll('{CARD} button')]; \
          all.find((button) => button.textContent.includes({label:?})).id = 'wanted';"
     );
-    browser.script(&format!("document.getElementById('wanted')?.removeAttribute('id'); {find}"));
+    browser.script(&format!(
+        "document.getElementById('wanted')?.removeAttribute('id'); {find}"
+    ));
     "#wanted".to_owned()
 }
 
@@ -177,7 +220,10 @@ pub fn start_forward(browser: &Browser, hertz: &str) {
 }
 
 fn output_hz(browser: &Browser) -> f64 {
-    browser.text(&in_card(".output .number")).parse().unwrap_or(0.0)
+    browser
+        .text(&in_card(".output .number"))
+        .parse()
+        .unwrap_or(0.0)
 }
 
 /// What sticks out can only be seen by scrolling sideways. A chart follows a new width of its panel in the next frame.
@@ -212,7 +258,8 @@ fn the_page_shows_the_drive_at_once_and_commands_nothing_unasked() {
         assert_no_program_words(&browser);
     }
     let painted = || {
-        let paint = browser.script("return performance.getEntriesByName('first-contentful-paint')[0].startTime");
+        let paint = browser
+            .script("return performance.getEntriesByName('first-contentful-paint')[0].startTime");
         paint.as_f64().unwrap()
     };
     let mut paint = painted();
@@ -226,10 +273,16 @@ fn the_page_shows_the_drive_at_once_and_commands_nothing_unasked() {
     let bytes = "return performance.getEntries().filter((it) => it.name.includes('/assets/') || it.entryType === \
                  'navigation').reduce((sum, it) => sum + it.decodedBodySize, 0)";
     let bytes = browser.script(bytes);
-    assert!((1.0..PAGE_BYTES_MAX).contains(&bytes.as_f64().unwrap()), "{bytes} bytes");
+    assert!(
+        (1.0..PAGE_BYTES_MAX).contains(&bytes.as_f64().unwrap()),
+        "{bytes} bytes"
+    );
     println!("first paint {paint} ms, {bytes} bytes");
     assert_eq!(browser.complaints(), Vec::<String>::new());
-    assert_eq!(browser.hosts().into_iter().collect::<Vec<_>>(), [shop.http.to_string()]);
+    assert_eq!(
+        browser.hosts().into_iter().collect::<Vec<_>>(),
+        [shop.http.to_string()]
+    );
 }
 
 #[test]
@@ -242,7 +295,9 @@ fn a_phone_shows_all_of_it_without_scrolling_sideways() {
         browser.resize(window);
         for panel in ["trend", "journal", "traffic", "report"] {
             browser.click(&format!("#tab-{panel}"));
-            browser.wait(&format!("document.getElementById('{panel}').checkVisibility()"));
+            browser.wait(&format!(
+                "document.getElementById('{panel}').checkVisibility()"
+            ));
             assert_nothing_sticks_out(&browser);
         }
     }
@@ -259,13 +314,19 @@ fn a_lost_gateway_is_shown_and_found_again() {
     browser.wait_for_text("#lost", "No contact with the gateway since");
     browser.wait_for_text("#connection", "Lost");
     browser.wait("document.getElementById('assertive').textContent.includes('No contact')");
-    let is_grey = format!("Number(getComputedStyle(document.querySelector('{CARD} .figures')).opacity) < 0.6");
+    let is_grey = format!(
+        "Number(getComputedStyle(document.querySelector('{CARD} .figures')).opacity) < 0.6"
+    );
     browser.wait(&is_grey);
     shop.gateway = run(&shop.file);
     browser.wait(IS_LIVE);
     browser.wait_for_text(&in_card(".state"), "STOPPED");
     assert!(!browser.is_seen("#lost"));
-    assert_eq!(browser.script("return window.loaded_once"), before, "the page came back by itself");
+    assert_eq!(
+        browser.script("return window.loaded_once"),
+        before,
+        "the page came back by itself"
+    );
     // A gateway that hangs holds its connections open, and says nothing.
     shop.gateway.signal("STOP");
     browser.wait_for_text("#lost", "No contact with the gateway since");
@@ -295,21 +356,30 @@ fn anyone_who_signs_in_starts_and_stops_the_drive() {
     assert_eq!(shop.run_state(), "stopped", "a click alone starts nothing");
     browser.hold("#wanted");
     browser.wait_for_text(&in_card(".state"), "FORWARD");
-    until("the motor turns", PATIENCE, || (output_hz(&browser) > 2.0).then_some(()));
+    until("the motor turns", PATIENCE, || {
+        (output_hz(&browser) > 2.0).then_some(())
+    });
     browser.wait_for_text(&in_card(".set .number"), "30.00");
     browser.wait_for_text(&in_card(".owner"), "Commanded by this tab");
     let end = Instant::now() + LOST_AFTER * 2;
-    until("the lease is renewed over and over", LOST_AFTER * 2 + PATIENCE, || {
-        assert_eq!(shop.run_state(), "forward");
-        (Instant::now() > end).then_some(())
-    });
+    until(
+        "the lease is renewed over and over",
+        LOST_AFTER * 2 + PATIENCE,
+        || {
+            assert_eq!(shop.run_state(), "forward");
+            (Instant::now() > end).then_some(())
+        },
+    );
     browser.click(&in_card(".stop"));
     browser.wait_for_text(&in_card(".result"), "stop");
     browser.wait_for_text(&in_card(".state"), "STOPPED");
 
     // The same with the keyboard, and a stop for all.
     browser.fill(&in_card("input"), "20");
-    browser.script(&format!("document.querySelector({:?}).focus()", mark(&browser, "Forward")));
+    browser.script(&format!(
+        "document.querySelector({:?}).focus()",
+        mark(&browser, "Forward")
+    ));
     browser.key("\u{E007}", 900);
     browser.wait_for_text(&in_card(".state"), "FORWARD");
     browser.click(".stop.all");
@@ -322,7 +392,10 @@ fn anyone_who_signs_in_starts_and_stops_the_drive() {
 fn an_order_that_waited_on_its_way_to_the_gateway_is_shown_as_refused() {
     let shop = Shop::open(true);
     let relay = Relay::default();
-    let browser = browser_at(SocketAddr::from((Ipv4Addr::LOCALHOST, relay.start(shop.http.port()))));
+    let browser = browser_at(SocketAddr::from((
+        Ipv4Addr::LOCALHOST,
+        relay.start(shop.http.port()),
+    )));
     sign_in(&browser, PASSWORD);
     browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
     browser.fill(&in_card("input"), "30");
@@ -331,7 +404,9 @@ fn an_order_that_waited_on_its_way_to_the_gateway_is_shown_as_refused() {
     let held = Instant::now();
     browser.hold(&forward);
     browser.wait_for_text(&in_card(".result"), ": sent");
-    until("it has waited for long enough", PATIENCE, || (held.elapsed() > STALL).then_some(()));
+    until("it has waited for long enough", PATIENCE, || {
+        (held.elapsed() > STALL).then_some(())
+    });
     relay.hold(false);
     browser.wait_for_text(&in_card(".result"), "may have waited for");
     assert_eq!(shop.run_state(), "stopped");
@@ -375,7 +450,9 @@ fn shows_what_was_used(browser: &Browser) {
          drive.dispatchEvent(new Event('change'))",
     );
     let link = "document.querySelector('#journal [download=\"usage.csv\"]')";
-    browser.wait(&format!("{link}.checkVisibility() && {link}.href.endsWith('/api/v1/usage?drive=pump-1&format=csv')"));
+    browser.wait(&format!(
+        "{link}.checkVisibility() && {link}.href.endsWith('/api/v1/usage?drive=pump-1&format=csv')"
+    ));
 }
 
 /// Where an element is inside another one: left, top, width, height.
@@ -394,10 +471,17 @@ fn stop_stays_where_it_is_whatever_the_drive_does() {
     browser.wait("document.querySelector('#drive-pump-1 .stop').checkVisibility()");
     browser.wait_for_text(&in_card(".state"), "STOPPED");
     let places = || {
-        [(Window::PHONE, "innerWidth < 500"), (Window::DESKTOP, "innerWidth >= 500")].map(|(window, is_there)| {
+        [
+            (Window::PHONE, "innerWidth < 500"),
+            (Window::DESKTOP, "innerWidth >= 500"),
+        ]
+        .map(|(window, is_there)| {
             browser.resize(window);
             browser.wait(is_there);
-            (place_in(&browser, &in_card(".stop"), CARD), place_in(&browser, ".stop.all", ".top"))
+            (
+                place_in(&browser, &in_card(".stop"), CARD),
+                place_in(&browser, ".stop.all", ".top"),
+            )
         })
     };
     let at_rest = places();
@@ -432,7 +516,9 @@ fn a_drive_that_a_tab_commands_stops_when_the_tab_is_gone() {
     browser.wait(IS_LIVE);
     browser.wait_for_text(&in_card(".owner"), "Commanded by this tab");
     browser.open("about:blank");
-    until("the drive is stopped", LOST_AFTER + PATIENCE, || (shop.run_state() != "forward").then_some(()));
+    until("the drive is stopped", LOST_AFTER + PATIENCE, || {
+        (shop.run_state() != "forward").then_some(())
+    });
 }
 
 #[test]
@@ -450,7 +536,11 @@ fn the_traffic_of_a_line_is_shown_while_somebody_looks() {
     let stopped = browser.script(rows);
     browser.click("#tab-report");
     browser.wait_for_text("#report .advice", " ");
-    assert_eq!(browser.script(rows), stopped, "nothing is shown behind the end");
+    assert_eq!(
+        browser.script(rows),
+        stopped,
+        "nothing is shown behind the end"
+    );
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
@@ -464,7 +554,11 @@ fn the_installed_app_says_that_the_gateway_is_not_reached_and_finds_it_again() {
     until("its worker is there", PATIENCE, || {
         (browser.script(workers) == serde_json::json!([[app, "activated"]])).then_some(())
     });
-    assert_eq!(browser.script("return navigator.serviceWorker.controller"), Value::Null, "it is not before the page");
+    assert_eq!(
+        browser.script("return navigator.serviceWorker.controller"),
+        Value::Null,
+        "it is not before the page"
+    );
     browser.open(&app);
     browser.wait(IS_LIVE);
     assert_eq!(browser.script("return location.pathname"), "/");

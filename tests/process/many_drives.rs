@@ -30,7 +30,9 @@ fn crowd(shop: &Shop) -> Browser {
 pub fn crowded(browser: &Browser) {
     browser.wait("document.querySelector('#drive-pump-1').dataset.state === 'stopped'");
     let script = include_str!("crowd.js");
-    browser.script(&format!("return (async () => {{ {script}\n crowd({DRIVES}); return true; }})()"));
+    browser.script(&format!(
+        "return (async () => {{ {script}\n crowd({DRIVES}); return true; }})()"
+    ));
 }
 
 fn resize(browser: &Browser, window: Window) {
@@ -41,10 +43,19 @@ fn resize(browser: &Browser, window: Window) {
 
 fn assert_no_stop_moves(browser: &Browser, layout: &str, stops_wanted: usize) {
     let result = browser.script(&format!("return window.crowd.moved({DRIVES})"));
-    let stops: Vec<_> = result["stops"].as_array().unwrap().iter().map(|it| it.as_str().unwrap()).collect();
+    let stops: Vec<_> = result["stops"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it.as_str().unwrap())
+        .collect();
     assert_eq!(stops.len(), stops_wanted, "{layout}: {stops:?}");
     assert_eq!(result["moved"], serde_json::json!([]), "{layout}");
-    println!("{layout}: {} stops stay through {} states", stops.len(), result["states"]);
+    println!(
+        "{layout}: {} stops stay through {} states",
+        stops.len(),
+        result["states"]
+    );
 }
 
 #[test]
@@ -83,7 +94,10 @@ fn on_a_phone_each_drive_is_a_row_that_opens_with_its_stop_at_the_thumb() {
          seen: ['.state', '.output', '.stop'].every((css) => row.querySelector(css).checkVisibility()) }))",
     );
     for row in rows.as_array().unwrap() {
-        assert!(row["height"].as_f64().unwrap() < ROW_MAX && row["seen"] == true, "{row}");
+        assert!(
+            row["height"].as_f64().unwrap() < ROW_MAX && row["seen"] == true,
+            "{row}"
+        );
     }
     let sent = "return performance.getEntriesByType('resource').filter((it) => it.name.includes('/command')).length";
     browser.click(&in_card("a.open"));
@@ -99,7 +113,10 @@ fn on_a_phone_each_drive_is_a_row_that_opens_with_its_stop_at_the_thumb() {
     browser.key("\u{E00C}", 0);
     browser.wait("document.querySelector('.whole') === null");
     assert_eq!(browser.script(sent), 0, "Escape sends nothing");
-    assert_eq!(browser.script("return document.activeElement.textContent"), "pump-1");
+    assert_eq!(
+        browser.script("return document.activeElement.textContent"),
+        "pump-1"
+    );
 }
 
 #[test]
@@ -110,7 +127,12 @@ fn drives_are_found_by_state_line_group_and_name() {
         let names = browser.script(
             "return [...document.querySelectorAll('.drive')].filter((it) => it.checkVisibility()).map((it) => it.id.slice(6))",
         );
-        names.as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned()).collect()
+        names
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|name| name.as_str().unwrap().to_owned())
+            .collect()
     };
     assert_eq!(seen().len(), DRIVES + 1);
     browser.fill("#filter input", "D-3");
@@ -162,13 +184,15 @@ fn problems_come_first_in_one_row_for_equal_ones_and_in_the_title() {
     browser.wait_for_text(&in_card(".state"), "TRIPPED");
     browser.wait("document.title.startsWith('(1!) shop')");
     browser.wait("document.getElementById('icon').href.endsWith('icon-problem.svg')");
-    let first: Value = browser.script("return document.querySelector('#advice .advice li a').getAttribute('href')");
+    let first: Value = browser
+        .script("return document.querySelector('#advice .advice li a').getAttribute('href')");
     assert_eq!(first, "#drive-pump-1");
 }
 
 /// Gives the page what [`barriers`] needs.
 pub fn load_axe(browser: &Browser) {
-    let axe = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/process/npm/node_modules/axe-core/axe.min.js");
+    let axe = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/process/npm/node_modules/axe-core/axe.min.js");
     browser.script(&std::fs::read_to_string(axe).expect("axe-core, which tests/run installs"));
 }
 
@@ -199,9 +223,18 @@ pub fn assert_no_barrier_in_any_state(browser: &Browser) {
         resize(browser, window);
         for panel in ["trend", "journal", "traffic", "report"] {
             browser.click(&format!("#tab-{panel}"));
-            browser.wait(&format!("document.getElementById('{panel}').checkVisibility()"));
-            assert_eq!(barriers(browser), serde_json::json!([]), "{panel}, {} wide", window.width);
-            browser.wait("document.documentElement.scrollWidth === document.documentElement.clientWidth");
+            browser.wait(&format!(
+                "document.getElementById('{panel}').checkVisibility()"
+            ));
+            assert_eq!(
+                barriers(browser),
+                serde_json::json!([]),
+                "{panel}, {} wide",
+                window.width
+            );
+            browser.wait(
+                "document.documentElement.scrollWidth === document.documentElement.clientWidth",
+            );
         }
     }
     browser.click("#drive-d-6 a.open");
@@ -210,7 +243,11 @@ pub fn assert_no_barrier_in_any_state(browser: &Browser) {
     browser.key("\u{E00C}", 0);
     resize(browser, desktop);
     browser.click("#layout button");
-    assert_eq!(barriers(browser), serde_json::json!([]), "rows on a desktop");
+    assert_eq!(
+        barriers(browser),
+        serde_json::json!([]),
+        "rows on a desktop"
+    );
 }
 
 /// How long the page of the large plant is watched.
@@ -225,12 +262,23 @@ fn large_plant(place: &Place) -> (Vec<Started>, String) {
     for line in 1..=lines {
         let port = place.file(&format!("line-{line}"));
         let mut simulate = program();
-        simulate.args(["simulate", "--model", "frecon-fr500a", "--baud", "38400", "--link"]).arg(&port);
+        simulate
+            .args([
+                "simulate",
+                "--model",
+                "frecon-fr500a",
+                "--baud",
+                "38400",
+                "--link",
+            ])
+            .arg(&port);
         (1..=drives).for_each(|station| {
             simulate.args(["--station", &station.to_string()]);
         });
         let started = Started::new(simulate);
-        started.wait_for("that it plays", |said| said.contains("stations 1,").then_some(()));
+        started.wait_for("that it plays", |said| {
+            said.contains("stations 1,").then_some(())
+        });
         played.push(started);
         write!(
             text,
@@ -255,26 +303,38 @@ fn the_cost_of_a_page_of_128_idle_drives() {
     let place = Place::new();
     let (_played, text) = large_plant(&place);
     let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
-    let file = place.write("gateway.toml", &format!("{text}\n[http]\nlisten = \"{http}\"\n"));
+    let file = place.write(
+        "gateway.toml",
+        &format!("{text}\n[http]\nlisten = \"{http}\"\n"),
+    );
     let _gateway = run(&file);
     let browser = browser_at(http);
     browser.wait("document.querySelectorAll('.drive[data-state=stopped]').length === 128");
     for view in ["rows", "cards"] {
-        browser.script(&format!("localStorage.setItem('vfd-gateway-layout', '{view}')"));
+        browser.script(&format!(
+            "localStorage.setItem('vfd-gateway-layout', '{view}')"
+        ));
         browser.reload();
         browser.wait("document.querySelectorAll('.drive[data-state=stopped]').length === 128");
         let busy = || browser.metric("TaskDuration");
         let (busy_s, begun) = (busy(), Instant::now());
         let bytes = event_bytes(http, WATCHED);
         let share = (busy() - busy_s) / begun.elapsed().as_secs_f64() * 100.0;
-        println!("{view}: the tab needs {share:.1} % of a core, the stream {:.1} kB/s", bytes / 1000.0);
+        println!(
+            "{view}: the tab needs {share:.1} % of a core, the stream {:.1} kB/s",
+            bytes / 1000.0
+        );
     }
 }
 
 /// Bytes per second of the event stream after the state with which it begins.
 fn event_bytes(http: SocketAddr, within: Duration) -> f64 {
     let mut stream = TcpStream::connect(http).unwrap();
-    write!(stream, "GET /api/v1/events HTTP/1.1\r\nHost: {http}\r\n\r\n").unwrap();
+    write!(
+        stream,
+        "GET /api/v1/events HTTP/1.1\r\nHost: {http}\r\n\r\n"
+    )
+    .unwrap();
     let mut buffer = vec![0; 1 << 20];
     let begun = Instant::now();
     let (mut first, mut bytes) = (None, 0);

@@ -63,7 +63,11 @@ impl Meddler {
         let way = Arc::new(Mutex::new(Way::Straight));
         let requests = Arc::new(Mutex::new(Vec::new()));
         let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-        let shared = Shared { way: Arc::clone(&way), requests: Arc::clone(&requests), open: Arc::clone(&open) };
+        let shared = Shared {
+            way: Arc::clone(&way),
+            requests: Arc::clone(&requests),
+            open: Arc::clone(&open),
+        };
         let seen = Arc::clone(&most);
         let is_slow = Arc::new(AtomicBool::new(false));
         let slow = Arc::clone(&is_slow);
@@ -75,11 +79,17 @@ impl Meddler {
                     thread::sleep(Duration::from_millis(300));
                     let _ = listener.accept();
                 }
-                let Ok((client, _)) = listener.accept() else { return };
+                let Ok((client, _)) = listener.accept() else {
+                    return;
+                };
                 filled = slow.load(Ordering::SeqCst).then(|| fills(&listener));
                 let client = Arc::new(client);
                 // On this machine the end of a connection arrives before whatever is begun after it.
-                before.retain(|earlier| earlier.upgrade().is_some_and(|earlier| !has_ended(&earlier)));
+                before.retain(|earlier| {
+                    earlier
+                        .upgrade()
+                        .is_some_and(|earlier| !has_ended(&earlier))
+                });
                 before.push(Arc::downgrade(&client));
                 seen.fetch_max(before.len(), Ordering::SeqCst);
                 shared.open.fetch_add(1, Ordering::SeqCst);
@@ -92,7 +102,14 @@ impl Meddler {
                 }
             }
         });
-        Self { address, way, requests, is_slow, open, most }
+        Self {
+            address,
+            way,
+            requests,
+            is_slow,
+            open,
+            most,
+        }
     }
 
     /// Changes what happens from now on.
@@ -113,8 +130,13 @@ impl Meddler {
     /// The words that were written to `address`.
     pub fn written(&self, address: u16) -> Vec<u16> {
         let place = address.to_be_bytes();
-        let writes = self.requests().into_iter().filter(|pdu| pdu[0] == 6 && pdu[1..3] == place);
-        writes.map(|pdu| u16::from_be_bytes([pdu[3], pdu[4]])).collect()
+        let writes = self
+            .requests()
+            .into_iter()
+            .filter(|pdu| pdu[0] == 6 && pdu[1..3] == place);
+        writes
+            .map(|pdu| u16::from_be_bytes([pdu[3], pdu[4]]))
+            .collect()
     }
 
     /// The most connections that were open at a time.
@@ -139,7 +161,10 @@ fn fills(listener: &TcpListener) -> TcpStream {
 fn has_ended(stream: &TcpStream) -> bool {
     let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT;
     let mut byte = [0_u8; 1];
-    !matches!(recv(stream, &mut byte[..], flags), Ok((_, 1..)) | Err(Errno::AGAIN))
+    !matches!(
+        recv(stream, &mut byte[..], flags),
+        Ok((_, 1..)) | Err(Errno::AGAIN)
+    )
 }
 
 /// One whole message.
@@ -193,13 +218,19 @@ fn pass_requests(
     loop {
         let request = message(&mut client)?;
         let count = {
-            let mut requests = shared.requests.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut requests = shared
+                .requests
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner);
             requests.push(request[7..].to_vec());
             requests.len()
         };
         let way = locked(&shared.way);
         let ends = count % 7 == 0;
-        is_cut.store(ends && matches!(way, Way::ResetBefore | Way::CutBehind), Ordering::SeqCst);
+        is_cut.store(
+            ends && matches!(way, Way::ResetBefore | Way::CutBehind),
+            Ordering::SeqCst,
+        );
         match way {
             Way::ResetBefore if ends => return Ok(End::Reset),
             Way::CutBehind if ends => {
@@ -213,7 +244,12 @@ fn pass_requests(
     }
 }
 
-fn pass_answers(mut server: TcpStream, mut client: &TcpStream, shared: &Shared, is_cut: &AtomicBool) -> io::Result<()> {
+fn pass_answers(
+    mut server: TcpStream,
+    mut client: &TcpStream,
+    shared: &Shared,
+    is_cut: &AtomicBool,
+) -> io::Result<()> {
     let mut held: Option<Vec<u8>> = None;
     let mut count = 0;
     loop {

@@ -33,14 +33,22 @@ impl Mosquitto {
             data.display()
         );
         std::fs::write(&file, text).unwrap();
-        let mut broker = Self { running: None, file, port };
+        let mut broker = Self {
+            running: None,
+            file,
+            port,
+        };
         broker.start_again();
         broker
     }
 
     /// Starts a broker with the configuration in `file`, which says itself that it listens on loopback at `port`.
     pub fn with_file(file: PathBuf, port: u16) -> Self {
-        let mut broker = Self { running: None, file, port };
+        let mut broker = Self {
+            running: None,
+            file,
+            port,
+        };
         broker.start_again();
         broker
     }
@@ -52,7 +60,11 @@ impl Mosquitto {
 
     /// The tools alone, for another broker at `port`.
     pub fn tools_for(port: u16) -> Self {
-        Self { running: None, file: PathBuf::new(), port }
+        Self {
+            running: None,
+            file: PathBuf::new(),
+            port,
+        }
     }
 
     /// Starts it where it was, once it has ended.
@@ -60,7 +72,9 @@ impl Mosquitto {
         let mut command = Command::new(mosquitto());
         command.arg("-c").arg(&self.file);
         self.running = Some(Started::new(command));
-        until("mosquitto listens", PATIENCE, || TcpStream::connect(self.address()).ok());
+        until("mosquitto listens", PATIENCE, || {
+            TcpStream::connect(self.address()).ok()
+        });
     }
 
     /// Ends it in good order: what it keeps is written.
@@ -112,10 +126,18 @@ impl Mosquitto {
     /// The same; what mosquitto_pub says if the broker does not take it.
     pub fn try_publish_with(&self, args: &[&str]) -> Result<(), String> {
         let mut command = Command::new("mosquitto_pub");
-        command.args(["-h", "127.0.0.1", "-p", &self.port.to_string(), "-q", "1"]).args(args);
-        let output = command.output().expect("mosquitto_pub; run tests/run, which installs it");
+        command
+            .args(["-h", "127.0.0.1", "-p", &self.port.to_string(), "-q", "1"])
+            .args(args);
+        let output = command
+            .output()
+            .expect("mosquitto_pub; run tests/run, which installs it");
         let said = || format!("{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-        if output.status.success() { Ok(()) } else { Err(said()) }
+        if output.status.success() {
+            Ok(())
+        } else {
+            Err(said())
+        }
     }
 }
 
@@ -147,34 +169,54 @@ impl Subscriber {
     /// Subscribes `filter` with `more` arguments.
     pub fn with(broker: &Mosquitto, version: &str, filter: &str, more: &[&str]) -> Self {
         let mut command = Command::new("stdbuf");
-        command.args(["-oL", "mosquitto_sub", "-h", "127.0.0.1", "-p", &broker.port.to_string(), "-V", version]);
+        command.args([
+            "-oL",
+            "mosquitto_sub",
+            "-h",
+            "127.0.0.1",
+            "-p",
+            &broker.port.to_string(),
+            "-V",
+            version,
+        ]);
         // -d tells when the subscription is granted.
-        command.args(["-q", "1", "-d", "-F", "%j", "-t", filter]).args(more);
+        command
+            .args(["-q", "1", "-d", "-F", "%j", "-t", filter])
+            .args(more);
         let program = Started::new(command);
-        program.wait_for("that it is subscribed", |line| line.starts_with("Subscribed (").then_some(()));
+        program.wait_for("that it is subscribed", |line| {
+            line.starts_with("Subscribed (").then_some(())
+        });
         Self { program }
     }
 
     /// How often it has connected so far.
     pub fn connects(&self) -> usize {
-        self.program.find_all(|line| line.contains("sending CONNECT").then_some(())).len()
+        self.program
+            .find_all(|line| line.contains("sending CONNECT").then_some(()))
+            .len()
     }
 
     /// Everything that came so far on the topics that end with `topic`.
     pub fn on(&self, topic: &str) -> Vec<Message> {
-        self.program.find_all(|line| message(line).filter(|it| it.topic.ends_with(topic)))
+        self.program
+            .find_all(|line| message(line).filter(|it| it.topic.ends_with(topic)))
     }
 
     /// Whether anything stands on a topic with `part` in it, as far as has come.
     pub fn has(&self, part: &str) -> bool {
-        let stands = |line: &String| message(line).filter(|it| it.topic.contains(part) && !it.payload.is_empty());
+        let stands = |line: &String| {
+            message(line).filter(|it| it.topic.contains(part) && !it.payload.is_empty())
+        };
         !self.program.find_all(stands).is_empty()
     }
 
     /// Waits for a message on a topic that ends with `topic` of which `found` makes something.
     pub fn wait_for<T>(&self, topic: &str, mut found: impl FnMut(&Message) -> Option<T>) -> T {
         let what = format!("what is waited for on {topic}");
-        self.program.wait_for(&what, |line| found(&message(line).filter(|it| it.topic.ends_with(topic))?))
+        self.program.wait_for(&what, |line| {
+            found(&message(line).filter(|it| it.topic.ends_with(topic))?)
+        })
     }
 
     /// Waits for `payload` on a topic that ends with `topic`.
@@ -184,7 +226,11 @@ impl Subscriber {
 
     /// The results that tell of the command `id`, waiting for the last one.
     pub fn results(&self, id: &str) -> Vec<Value> {
-        let result = |it: &Message| serde_json::from_str(&it.payload).ok().filter(|it: &Value| it["id"] == id);
+        let result = |it: &Message| {
+            serde_json::from_str(&it.payload)
+                .ok()
+                .filter(|it: &Value| it["id"] == id)
+        };
         self.wait_for("/result", |it| result(it).filter(|it| it["final"] == true));
         self.on("/result").iter().filter_map(result).collect()
     }
@@ -197,13 +243,14 @@ pub struct Rival {
 
 impl Rival {
     pub fn new(broker: &Mosquitto, version: &str, id: &str) -> Self {
-        let again =
-            "while :; do mosquitto_sub -h 127.0.0.1 -p \"$1\" -V \"$2\" -i \"$3\" -t rival & wait; sleep 0.3; done";
+        let again = "while :; do mosquitto_sub -h 127.0.0.1 -p \"$1\" -V \"$2\" -i \"$3\" -t rival & wait; sleep 0.3; done";
         let mut command = Command::new("sh");
         // What it has started ends with it.
         let guarded = format!("trap 'kill $!; exit' TERM; {again}");
         command.args(["-c", &guarded, "sh", &broker.port.to_string(), version, id]);
-        Self { program: Started::new(command) }
+        Self {
+            program: Started::new(command),
+        }
     }
 }
 
@@ -215,7 +262,9 @@ impl Drop for Rival {
 }
 
 fn message(line: &str) -> Option<Message> {
-    let value: Value = line.starts_with('{').then(|| serde_json::from_str(line).ok())??;
+    let value: Value = line
+        .starts_with('{')
+        .then(|| serde_json::from_str(line).ok())??;
     Some(Message {
         topic: value["topic"].as_str()?.to_owned(),
         payload: value["payload"].as_str().unwrap_or_default().to_owned(),
@@ -227,7 +276,11 @@ fn message(line: &str) -> Option<Message> {
 /// Debian keeps it where an ordinary user does not look.
 fn mosquitto() -> &'static str {
     const HERE: &str = "/usr/sbin/mosquitto";
-    if Path::new(HERE).exists() { HERE } else { "mosquitto" }
+    if Path::new(HERE).exists() {
+        HERE
+    } else {
+        "mosquitto"
+    }
 }
 
 /// A port that nobody has, below those that the system gives to whoever connects.

@@ -45,27 +45,55 @@ fn a_line_behind_ser2net_is_read_commanded_lost_and_found_again() {
     let mut client = Raw::connect(gateway.address);
     assert_eq!(client.read(F010, 1), Ok(vec![3]));
     for (register, word) in [(256, 0), (257, 3000), (256, 1)] {
-        until("the order is taken", PATIENCE, || client.write(UNIFORM, register, word).ok());
+        until("the order is taken", PATIENCE, || {
+            client.write(UNIFORM, register, word).ok()
+        });
     }
-    until("the motor turns", PATIENCE, || client.read(OUTPUT, 1).ok().filter(|words| words[0] > 200));
+    until("the motor turns", PATIENCE, || {
+        client.read(OUTPUT, 1).ok().filter(|words| words[0] > 200)
+    });
 
     server.kill();
-    until("the line is down", Duration::from_secs(1), || (client.read(F010, 1) == Err(0x0A)).then_some(()));
+    until("the line is down", Duration::from_secs(1), || {
+        (client.read(F010, 1) == Err(0x0A)).then_some(())
+    });
     // Long enough that the waits between attempts have grown.
     std::thread::sleep(Duration::from_secs(2));
     let _server = ser2net(&place.file("ser2net.yaml"), port, &line);
-    let words = until("the drive is back", Duration::from_secs(1), || client.read(F010, 1).ok());
+    let words = until("the drive is back", Duration::from_secs(1), || {
+        client.read(F010, 1).ok()
+    });
     assert_eq!(words, [3]);
-    assert_eq!(told(&gateway.program, "line down"), 1, "{}", gateway.program.text());
-    assert_eq!(told(&gateway.program, "cannot open the port; retrying"), 1, "{}", gateway.program.text());
-    until("the stop is taken", PATIENCE, || client.write(UNIFORM, 256, 0).ok());
-    until("the motor stands", PATIENCE, || client.read(OUTPUT, 1).ok().filter(|words| words[0] == 0));
+    assert_eq!(
+        told(&gateway.program, "line down"),
+        1,
+        "{}",
+        gateway.program.text()
+    );
+    assert_eq!(
+        told(&gateway.program, "cannot open the port; retrying"),
+        1,
+        "{}",
+        gateway.program.text()
+    );
+    until("the stop is taken", PATIENCE, || {
+        client.write(UNIFORM, 256, 0).ok()
+    });
+    until("the motor stands", PATIENCE, || {
+        client.read(OUTPUT, 1).ok().filter(|words| words[0] == 0)
+    });
 }
 
 #[test]
 fn a_simulator_on_a_tcp_port_is_read_without_anything_between() {
     let place = Place::new();
-    let drive = start(&["simulate", "--model", "hyundai-n700", "--tcp", "127.0.0.1:0"]);
+    let drive = start(&[
+        "simulate",
+        "--model",
+        "hyundai-n700",
+        "--tcp",
+        "127.0.0.1:0",
+    ]);
     let port = drive.wait_for("where it listens", |line| {
         let (_, rest) = line.split_once(" on tcp://")?;
         Some(PathBuf::from(format!("tcp://{}", rest.split(',').next()?)))
@@ -79,14 +107,24 @@ fn a_simulator_on_a_tcp_port_is_read_without_anything_between() {
 fn a_peer_that_accepts_and_says_nothing_is_a_silent_drive() {
     let place = Place::new();
     let peer = TcpListener::bind("127.0.0.1:0").unwrap();
-    let mut gateway = gateway(&place, Path::new(&format!("tcp://{}", peer.local_addr().unwrap())));
+    let mut gateway = gateway(
+        &place,
+        Path::new(&format!("tcp://{}", peer.local_addr().unwrap())),
+    );
     let silent = peer.accept().unwrap().0;
     let mut client = Raw::connect(gateway.address);
     // The system accepts the connection before the gateway knows that its line is up.
     let read = || Some(client.read(F010, 1)).filter(|answer| *answer != Err(0x0A));
-    assert_eq!(until("the line is up", PATIENCE, read), Err(0x0B), "no reply");
+    assert_eq!(
+        until("the line is up", PATIENCE, read),
+        Err(0x0B),
+        "no reply"
+    );
     gateway.program.terminate();
-    assert_eq!(gateway.program.end_within(Duration::from_secs(2)).code(), Some(0));
+    assert_eq!(
+        gateway.program.end_within(Duration::from_secs(2)).code(),
+        Some(0)
+    );
     drop(silent);
 }
 
@@ -94,7 +132,10 @@ fn a_peer_that_accepts_and_says_nothing_is_a_silent_drive() {
 fn a_peer_that_closes_at_once_is_reported_once() {
     let place = Place::new();
     let peer = TcpListener::bind("127.0.0.1:0").unwrap();
-    let gateway = gateway(&place, Path::new(&format!("tcp://{}", peer.local_addr().unwrap())));
+    let gateway = gateway(
+        &place,
+        Path::new(&format!("tcp://{}", peer.local_addr().unwrap())),
+    );
     // One after the other: as a server does whose line somebody else has.
     let attempts = 8;
     for _ in 0..attempts {
@@ -103,7 +144,12 @@ fn a_peer_that_closes_at_once_is_reported_once() {
     // At its end all of the log is written.
     let mut program = gateway.program;
     program.terminate();
-    assert_eq!(program.end_within(PATIENCE).code(), Some(0), "{}", program.text());
+    assert_eq!(
+        program.end_within(PATIENCE).code(),
+        Some(0),
+        "{}",
+        program.text()
+    );
     assert_eq!(told(&program, "line down"), 1, "{}", program.text());
     assert_eq!(told(&program, "line up"), 1, "{}", program.text());
 }
@@ -112,20 +158,32 @@ fn a_peer_that_closes_at_once_is_reported_once() {
 fn nobody_waits_for_a_peer_that_refuses_or_is_not_there() {
     let refusing = format!("tcp://127.0.0.1:{}", free_port());
     // An address that is kept for documents: nobody has it.
-    for port in [refusing.as_str(), "tcp://192.0.2.1:4001", "tcp://no-such-host.invalid:4001"] {
+    for port in [
+        refusing.as_str(),
+        "tcp://192.0.2.1:4001",
+        "tcp://no-such-host.invalid:4001",
+    ] {
         let place = Place::new();
         let mut gateway = gateway(&place, Path::new(port));
         let mut client = Raw::connect(gateway.address);
         for _ in 0..20 {
             assert_eq!(client.read(F010, 1), Err(0x0A), "{port}");
         }
-        until("it is told", PATIENCE, || (told(&gateway.program, "cannot open the port; retrying") == 1).then_some(()));
+        until("it is told", PATIENCE, || {
+            (told(&gateway.program, "cannot open the port; retrying") == 1).then_some(())
+        });
         gateway.program.terminate();
-        assert_eq!(gateway.program.end_within(Duration::from_secs(2)).code(), Some(0), "{port}");
+        assert_eq!(
+            gateway.program.end_within(Duration::from_secs(2)).code(),
+            Some(0),
+            "{port}"
+        );
     }
 }
 
 /// How often the log has said `wanted`.
 fn told(program: &Started, wanted: &str) -> usize {
-    program.find_all(|line| fields(line).filter(|fields| fields["message"] == wanted)).len()
+    program
+        .find_all(|line| fields(line).filter(|fields| fields["message"] == wanted))
+        .len()
 }

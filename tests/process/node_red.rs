@@ -31,14 +31,29 @@ impl NodeRed {
         std::fs::write(directory.join("settings.js"), settings).unwrap();
         std::fs::write(directory.join("flow.json"), flow).unwrap();
         let installed = root().join("tests/process/node-red/node_modules/node-red/red.js");
-        assert!(installed.exists(), "Node-RED is not there; run tests/run, which installs it");
+        assert!(
+            installed.exists(),
+            "Node-RED is not there; run tests/run, which installs it"
+        );
         let mut command = Command::new("node");
-        command.arg(installed).arg("--userDir").arg(&directory).arg(directory.join("flow.json"));
+        command
+            .arg(installed)
+            .arg("--userDir")
+            .arg(&directory)
+            .arg(directory.join("flow.json"));
         let program = Started::new(command);
-        let is_connected = || program.find_all(|line| line.contains("Connected to broker").then_some(())).pop();
+        let is_connected = || {
+            program
+                .find_all(|line| line.contains("Connected to broker").then_some(()))
+                .pop()
+        };
         let end = Instant::now() + START_MAX;
         while is_connected().is_none() {
-            assert!(Instant::now() < end, "Node-RED is not connected to the broker; it said:\n{}", program.text());
+            assert!(
+                Instant::now() < end,
+                "Node-RED is not connected to the broker; it said:\n{}",
+                program.text()
+            );
             std::thread::sleep(Duration::from_millis(10));
         }
         Self { program, port }
@@ -48,7 +63,11 @@ impl NodeRed {
     fn press(&self, node: &str) {
         let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "POST /inject/{node} HTTP/1.0\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n").unwrap();
+        write!(
+            stream,
+            "POST /inject/{node} HTTP/1.0\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n"
+        )
+        .unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
         assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
@@ -57,14 +76,22 @@ impl NodeRed {
     /// What a debug node has said so far.
     fn said(&self, node: &str) -> Vec<String> {
         let mark = format!("[debug:{node}] ");
-        self.program.find_all(|line| line.split_once(&mark).map(|(_, text)| text.to_owned()))
+        self.program
+            .find_all(|line| line.split_once(&mark).map(|(_, text)| text.to_owned()))
     }
 
     /// Waits until it says something else than what it had said `before`, with `part` in it.
     pub fn wait_for(&self, node: &str, before: usize, part: &str) -> String {
-        until(&format!("{part} of {node}; it said {:?}", self.program.text()), PATIENCE, || {
-            self.said(node).into_iter().skip(before).find(|text| text.contains(part))
-        })
+        until(
+            &format!("{part} of {node}; it said {:?}", self.program.text()),
+            PATIENCE,
+            || {
+                self.said(node)
+                    .into_iter()
+                    .skip(before)
+                    .find(|text| text.contains(part))
+            },
+        )
     }
 }
 
@@ -74,7 +101,9 @@ fn flow(plant: &Plant) -> String {
     let port = format!("\"port\": \"{}\"", plant.broker.address().port());
     let (with_port, with_name) = (text.replace("\"port\": \"1883\"", &port), "vfd/plant/");
     assert!(with_port != text && with_port.contains("vfd/plant-a/"));
-    with_port.replace("\"localhost\"", "\"127.0.0.1\"").replace("vfd/plant-a/", with_name)
+    with_port
+        .replace("\"localhost\"", "\"127.0.0.1\"")
+        .replace("vfd/plant-a/", with_name)
 }
 
 fn root() -> PathBuf {
@@ -90,7 +119,11 @@ fn the_flow_of_node_red_moves_the_drive_and_shows_it() {
     node_red.press("vfd-forward");
     plant.wait_for_write(0, (FREQUENCY, 3000), PATIENCE);
     plant.wait_for_write(0, (RUN, 1), PATIENCE);
-    assert!(node_red.wait_for("results", 0, "acknowledged").starts_with("acknowledged"));
+    assert!(
+        node_red
+            .wait_for("results", 0, "acknowledged")
+            .starts_with("acknowledged")
+    );
     node_red.wait_for("state", 0, "forward, 30 Hz");
 
     let seen = plant.written().len();

@@ -11,14 +11,33 @@ use vfd_gateway::daemon::host::pty::Pty;
 
 /// A drive at station 2 whose port is reached as `link`.
 fn simulate(link: &Path) -> Started {
-    let args = ["simulate", "--model", "hyundai-n700", "--station", "2", "--strict", "--link", link.to_str().unwrap()];
+    let args = [
+        "simulate",
+        "--model",
+        "hyundai-n700",
+        "--station",
+        "2",
+        "--strict",
+        "--link",
+        link.to_str().unwrap(),
+    ];
     let drive = start(&args);
-    drive.wait_for("that it plays", |line| line.contains("station 2").then_some(()));
+    drive.wait_for("that it plays", |line| {
+        line.contains("station 2").then_some(())
+    });
     drive
 }
 
 fn on_port<'a>(command: &'a str, port: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
-    let args = [command, "--port", port.to_str().unwrap(), "--model", "hyundai-n700", "--station", "2"];
+    let args = [
+        command,
+        "--port",
+        port.to_str().unwrap(),
+        "--model",
+        "hyundai-n700",
+        "--station",
+        "2",
+    ];
     [&args, more].concat()
 }
 
@@ -33,7 +52,8 @@ fn said(output: &Output) -> String {
 /// The output frequency in hertz, as the drive says it.
 fn output_frequency(port: &Path) -> f64 {
     let output = run("read", port, &["output_frequency", "--json"]);
-    let json: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    let json: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
     json["values"][0]["value"].as_f64().unwrap()
 }
 
@@ -62,7 +82,12 @@ fn registers_are_read_and_written_by_name_or_code() {
         (vec!["run", "forward"], 2, "--limits"),
     ] {
         let output = run("write", &port, &args);
-        assert_eq!(output.status.code(), Some(code), "{args:?}: {}", said(&output));
+        assert_eq!(
+            output.status.code(),
+            Some(code),
+            "{args:?}: {}",
+            said(&output)
+        );
         assert!(said(&output).contains(words), "{args:?}: {}", said(&output));
     }
     let slip = run("read", &port, &["F07"]);
@@ -81,19 +106,42 @@ fn who_makes_a_motor_run_stays_and_stops_it() {
         assert_eq!(written.status.code(), Some(0), "{}", said(&written));
     };
     deceleration("3000");
-    let args = on_port("write", &port, &["run", "forward", "--limits", "5-50", "--frequency", "20"]);
+    let args = on_port(
+        "write",
+        &port,
+        &["run", "forward", "--limits", "5-50", "--frequency", "20"],
+    );
     let mut commander = start(&args);
-    commander.wait_for("that it runs", |line| line.contains("until Ctrl-C").then_some(()));
-    assert!(commander.text().contains("only the drive's own watchdog"), "{}", commander.text());
+    commander.wait_for("that it runs", |line| {
+        line.contains("until Ctrl-C").then_some(())
+    });
+    assert!(
+        commander.text().contains("only the drive's own watchdog"),
+        "{}",
+        commander.text()
+    );
     let busy = run("read", &port, &["output_frequency"]);
-    assert!(said(&busy).contains(&format!("process {}", commander.id())), "{}", said(&busy));
+    assert!(
+        said(&busy).contains(&format!("process {}", commander.id())),
+        "{}",
+        said(&busy)
+    );
     std::thread::sleep(Duration::from_secs(2));
     commander.interrupt();
-    commander.wait_for("that the stop is told", |line| line.contains("the stop is acknowledged").then_some(()));
-    assert_eq!(commander.end_within(PATIENCE).code(), Some(0), "{}", commander.text());
+    commander.wait_for("that the stop is told", |line| {
+        line.contains("the stop is acknowledged").then_some(())
+    });
+    assert_eq!(
+        commander.end_within(PATIENCE).code(),
+        Some(0),
+        "{}",
+        commander.text()
+    );
     assert!(output_frequency(&port) > 0.0, "it had been running");
     deceleration("10");
-    until("the motor stands still", PATIENCE, || (output_frequency(&port) < 0.01).then_some(()));
+    until("the motor stands still", PATIENCE, || {
+        (output_frequency(&port) < 0.01).then_some(())
+    });
     let beyond = run("write", &port, &["frequency", "51", "--limits", "5-50"]);
     assert_eq!(beyond.status.code(), Some(1), "{}", said(&beyond));
 }
@@ -107,7 +155,10 @@ fn the_terminal_is_given_back_as_it_was() {
     let slave = rig::terminal(terminal.path());
     let mut command = program();
     command.args(on_port("watch", &port, &["--every", "200ms"]));
-    command.stdin(Stdio::null()).stdout(slave).stderr(Stdio::null());
+    command
+        .stdin(Stdio::null())
+        .stdout(slave)
+        .stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
     let mut shown = Vec::new();
     let look = |shown: &mut Vec<u8>| {
@@ -127,19 +178,32 @@ fn the_terminal_is_given_back_as_it_was() {
     look(&mut shown);
     let text = String::from_utf8_lossy(&shown);
     assert_eq!(end.code(), Some(0), "{text}");
-    assert!(text.starts_with("\x1b[?1049h\x1b[?25l") && text.ends_with("\x1b[?25h\x1b[?1049l"), "{text:?}");
+    assert!(
+        text.starts_with("\x1b[?1049h\x1b[?25l") && text.ends_with("\x1b[?25h\x1b[?1049l"),
+        "{text:?}"
+    );
 }
 
 /// The sockets of the process `id` that are of TCP or UDP.
 fn network_sockets(id: u32) -> usize {
     let files = std::fs::read_dir(format!("/proc/{id}/fd")).unwrap();
     let links = files.filter_map(|file| std::fs::read_link(file.unwrap().path()).ok());
-    let inode = |link: &Path| Some(link.to_str()?.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned());
+    let inode = |link: &Path| {
+        Some(
+            link.to_str()?
+                .strip_prefix("socket:[")?
+                .strip_suffix(']')?
+                .to_owned(),
+        )
+    };
     let sockets: Vec<_> = links.filter_map(|link| inode(&link)).collect();
-    let tables = ["tcp", "tcp6", "udp", "udp6"].map(|table| std::fs::read_to_string(format!("/proc/{id}/net/{table}")));
+    let tables = ["tcp", "tcp6", "udp", "udp6"]
+        .map(|table| std::fs::read_to_string(format!("/proc/{id}/net/{table}")));
     let rows: Vec<_> = tables.into_iter().flatten().collect();
     let is_in = |socket: &&String| {
-        rows.iter().flat_map(|rows| rows.lines()).any(|row| row.split_whitespace().nth(9) == Some(socket.as_str()))
+        rows.iter()
+            .flat_map(|rows| rows.lines())
+            .any(|row| row.split_whitespace().nth(9) == Some(socket.as_str()))
     };
     sockets.iter().filter(is_in).count()
 }
@@ -149,11 +213,29 @@ fn a_command_on_a_port_opens_no_network_socket() {
     let place = Place::new();
     let port = place.file("line");
     let _drive = simulate(&port);
-    let args = on_port("write", &port, &["run", "forward", "--limits", "5-50", "--frequency", "20"]);
+    let args = on_port(
+        "write",
+        &port,
+        &["run", "forward", "--limits", "5-50", "--frequency", "20"],
+    );
     let commander = start(&args);
-    commander.wait_for("that it runs", |line| line.contains("until Ctrl-C").then_some(()));
+    commander.wait_for("that it runs", |line| {
+        line.contains("until Ctrl-C").then_some(())
+    });
     assert_eq!(network_sockets(commander.id()), 0);
-    let listening = start(&["simulate", "--model", "hyundai-n700", "--tcp", "127.0.0.1:0"]);
-    listening.wait_for("that it plays", |line| line.contains("station").then_some(()));
-    assert_eq!(network_sockets(listening.id()), 1, "one that listens is seen");
+    let listening = start(&[
+        "simulate",
+        "--model",
+        "hyundai-n700",
+        "--tcp",
+        "127.0.0.1:0",
+    ]);
+    listening.wait_for("that it plays", |line| {
+        line.contains("station").then_some(())
+    });
+    assert_eq!(
+        network_sockets(listening.id()),
+        1,
+        "one that listens is seen"
+    );
 }

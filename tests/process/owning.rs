@@ -21,8 +21,13 @@ topic read vfd/plant/#
 const START: &str = r#"{"id": "ID", "run": "forward", "frequency_hz": 30}"#;
 
 fn start(plant: &Plant, user: &str, name: &str, id: &str) {
-    let (topic, payload) = (format!("vfd/plant/by/{name}/drive/pump-1/command"), START.replace("ID", id));
-    plant.broker.publish_with(&["-V", "mqttv311", "-u", user, "-t", &topic, "-m", &payload]);
+    let (topic, payload) = (
+        format!("vfd/plant/by/{name}/drive/pump-1/command"),
+        START.replace("ID", id),
+    );
+    plant
+        .broker
+        .publish_with(&["-V", "mqttv311", "-u", user, "-t", &topic, "-m", &payload]);
 }
 
 fn told(subscriber: &Subscriber, id: &str) -> Value {
@@ -31,18 +36,29 @@ fn told(subscriber: &Subscriber, id: &str) -> Value {
 
 #[test]
 fn the_second_commander_is_refused_with_the_name_of_the_first() {
-    let plant = Plant::with(Wish { access: ACCESS, ..Wish::default() });
+    let plant = Plant::with(Wish {
+        access: ACCESS,
+        ..Wish::default()
+    });
     let subscriber = plant.subscriber();
     start(&plant, "alice", "alice", "a1");
     let result = told(&subscriber, "a1");
-    assert_eq!((&result["by"], &result["outcome"]), (&"alice".into(), &"acknowledged".into()), "{result}");
+    assert_eq!(
+        (&result["by"], &result["outcome"]),
+        (&"alice".into(), &"acknowledged".into()),
+        "{result}"
+    );
     plant.wait_until_it_turns();
     subscriber.wait_for_payload("control/owner", "mqtt alice");
     let seen = plant.written().len();
 
     start(&plant, "bob", "bob", "b1");
     let result = told(&subscriber, "b1");
-    assert_eq!((&result["by"], &result["reason"]), (&"bob".into(), &"other_owner".into()), "{result}");
+    assert_eq!(
+        (&result["by"], &result["reason"]),
+        (&"bob".into(), &"other_owner".into()),
+        "{result}"
+    );
     assert_eq!(result["owner"], "mqtt alice");
     assert_eq!(result["message"], "mqtt alice holds control of the drive");
     // The commander without a name is somebody else too.
@@ -59,7 +75,9 @@ fn the_second_commander_is_refused_with_the_name_of_the_first() {
 
     // A stop by anybody ends it, and then it is free.
     let stop = "vfd/plant/by/bob/drive/pump-1/run/set";
-    plant.broker.publish_with(&["-V", "mqttv311", "-u", "bob", "-t", stop, "-m", "stop"]);
+    plant
+        .broker
+        .publish_with(&["-V", "mqttv311", "-u", "bob", "-t", stop, "-m", "stop"]);
     plant.wait_until_it_stands();
     subscriber.wait_for_payload("control/owner", "");
     until("bob has it", PATIENCE, || {
@@ -72,15 +90,23 @@ fn the_second_commander_is_refused_with_the_name_of_the_first() {
 
 #[test]
 fn nobody_commands_under_a_name_that_the_broker_does_not_grant() {
-    let plant = Plant::with(Wish { access: ACCESS, ..Wish::default() });
+    let plant = Plant::with(Wish {
+        access: ACCESS,
+        ..Wish::default()
+    });
     let subscriber = plant.subscriber();
     start(&plant, "bob", "alice", "forged");
     let common = Plant::topic("run/set");
-    plant.broker.publish_with(&["-V", "mqttv311", "-u", "bob", "-t", &common, "-m", "forward"]);
+    plant.broker.publish_with(&[
+        "-V", "mqttv311", "-u", "bob", "-t", &common, "-m", "forward",
+    ]);
     start(&plant, "alice", "alice", "real");
     assert_eq!(told(&subscriber, "real")["outcome"], "acknowledged");
     let results = subscriber.on("/result");
-    assert!(results.iter().all(|it| it.payload.contains("real")), "{results:?}");
+    assert!(
+        results.iter().all(|it| it.payload.contains("real")),
+        "{results:?}"
+    );
     plant.order("run/set", "stop");
     plant.wait_until_it_stands();
 }
@@ -91,7 +117,9 @@ fn control_is_not_taken_over_where_nothing_allows_that() {
     let subscriber = plant.subscriber();
     let mut client = Raw::connect(plant.modbus);
     plant.run_over_modbus(&mut client);
-    plant.broker.publish("vfd/plant/by/bob/drive/pump-1/control/take", "take");
+    plant
+        .broker
+        .publish("vfd/plant/by/bob/drive/pump-1/control/take", "take");
     let reason = subscriber.wait_for("/result", |it| {
         let result: Value = serde_json::from_str(&it.payload).ok()?;
         (result["by"] == "bob").then(|| result["reason"].as_str().unwrap().to_owned())
@@ -102,24 +130,53 @@ fn control_is_not_taken_over_where_nothing_allows_that() {
 
 #[test]
 fn telemetry_of_an_outage_comes_behind_it_once_in_order_and_marked() {
-    let mut plant = Plant::with(Wish { mqtt: "keep_telemetry = 1000", ..Wish::default() });
-    drop(Subscriber::lasting(&plant.broker, "historian", "vfd/plant/drive/pump-1/history"));
+    let mut plant = Plant::with(Wish {
+        mqtt: "keep_telemetry = 1000",
+        ..Wish::default()
+    });
+    drop(Subscriber::lasting(
+        &plant.broker,
+        "historian",
+        "vfd/plant/drive/pump-1/history",
+    ));
     plant.run_over_mqtt();
-    until("it is at its setpoint", PATIENCE, || (plant.output() >= Some(2_950)).then_some(()));
+    until("it is at its setpoint", PATIENCE, || {
+        (plant.output() >= Some(2_950)).then_some(())
+    });
     plant.broker.end();
     plant.wait_until_shown_as_stopped();
     plant.broker.start_again();
     plant.wait_until_ready();
-    let historian = Subscriber::lasting(&plant.broker, "historian", "vfd/plant/drive/pump-1/history");
+    let historian =
+        Subscriber::lasting(&plant.broker, "historian", "vfd/plant/drive/pump-1/history");
     let parsed = |payload: &str| serde_json::from_str::<Value>(payload).unwrap();
-    historian.wait_for("/history", |it| (parsed(&it.payload)["value"] == "stopped").then_some(()));
-    let told: Vec<Value> = historian.on("/history").iter().map(|it| parsed(&it.payload)).collect();
+    historian.wait_for("/history", |it| {
+        (parsed(&it.payload)["value"] == "stopped").then_some(())
+    });
+    let told: Vec<Value> = historian
+        .on("/history")
+        .iter()
+        .map(|it| parsed(&it.payload))
+        .collect();
     assert!(historian.on("/history").iter().all(|it| !it.retain));
-    assert!(told.iter().all(|it| it["is_historical"] == true && it["at"].is_string()), "{told:?}");
-    let output: Vec<f64> =
-        told.iter().filter(|it| it["topic"] == "frequency/output").map(|it| it["value"].as_f64().unwrap()).collect();
-    let top = output.iter().position(|hertz| *hertz > 29.0).expect("the top");
-    assert!(output[top..].len() > 3 && output.last() == Some(&0.0), "it ramps down: {output:?}");
+    assert!(
+        told.iter()
+            .all(|it| it["is_historical"] == true && it["at"].is_string()),
+        "{told:?}"
+    );
+    let output: Vec<f64> = told
+        .iter()
+        .filter(|it| it["topic"] == "frequency/output")
+        .map(|it| it["value"].as_f64().unwrap())
+        .collect();
+    let top = output
+        .iter()
+        .position(|hertz| *hertz > 29.0)
+        .expect("the top");
+    assert!(
+        output[top..].len() > 3 && output.last() == Some(&0.0),
+        "it ramps down: {output:?}"
+    );
     let moments: Vec<&str> = told.iter().map(|it| it["at"].as_str().unwrap()).collect();
     assert!(moments.is_sorted(), "{moments:?}");
     plant.subscriber().wait_for_payload("run/state", "stopped");

@@ -12,7 +12,10 @@ use std::path::Path;
 const BYTES_MAX: usize = 200_000;
 
 /// As much of a desktop as stays small.
-const DESKTOP: Window = Window { height: 720, ..Window::DESKTOP };
+const DESKTOP: Window = Window {
+    height: 720,
+    ..Window::DESKTOP
+};
 
 #[test]
 #[ignore = "it writes into docs/"]
@@ -27,9 +30,11 @@ fn pictures_of_the_page_for_the_readme() {
     browser.fill("#sign-in [name='password']", "demo-demo");
     browser.click("#sign-in [name='go']");
     browser.wait("document.querySelector('.drive .stop').checkVisibility()");
-    for (drive, hertz, label) in
-        [("fan-2", "42.5", "Forward"), ("mixer-3", "18", "Reverse"), ("belt-4", "30", "Forward")]
-    {
+    for (drive, hertz, label) in [
+        ("fan-2", "42.5", "Forward"),
+        ("mixer-3", "18", "Reverse"),
+        ("belt-4", "30", "Forward"),
+    ] {
         let card = format!("#drive-{drive}");
         browser.fill(&format!("{card} input"), hertz);
         browser.script(&format!(
@@ -42,7 +47,9 @@ fn pictures_of_the_page_for_the_readme() {
         browser.wait_for_text(&format!("#drive-{drive} .state"), "FORWARD");
     }
     let turns = "return Number(document.querySelector('#drive-fan-2 .output .number').textContent)";
-    until("the fan is fast", PATIENCE, || (browser.script(turns).as_f64()? > 42.0).then_some(()));
+    until("the fan is fast", PATIENCE, || {
+        (browser.script(turns).as_f64()? > 42.0).then_some(())
+    });
     demo.program.type_line("");
     browser.wait_for_text("#drive-pump-1 .state", "TRIPPED");
     for (name, window) in [

@@ -113,7 +113,15 @@ impl Plant {
         let text = configuration(&place, port, http, &wish);
         let file = place.write("gateway.toml", &text);
         let (gateway, modbus) = run(&file);
-        let plant = Self { gateway, modbus, http, drive, broker, file, place };
+        let plant = Self {
+            gateway,
+            modbus,
+            http,
+            drive,
+            broker,
+            file,
+            place,
+        };
         plant.wait_until_ready();
         plant
     }
@@ -143,13 +151,17 @@ impl Plant {
 
     /// Waits until the gateway has noticed that its broker is gone.
     pub fn wait_until_not_ready(&self) {
-        until("the gateway is not ready", PATIENCE, || self.get("/readyz").filter(|(status, _)| *status == 503));
+        until("the gateway is not ready", PATIENCE, || {
+            self.get("/readyz").filter(|(status, _)| *status == 503)
+        });
     }
 
     /// The value of a metric that has no labels.
     pub fn metric(&self, name: &str) -> f64 {
         let (_, text) = self.get("/metrics").expect("HTTP answers");
-        let value = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')?.parse().ok());
+        let value = text
+            .lines()
+            .find_map(|line| line.strip_prefix(name)?.strip_prefix(' ')?.parse().ok());
         value.unwrap_or_else(|| panic!("no {name} in {text}"))
     }
 
@@ -197,9 +209,14 @@ impl Plant {
         if let Ok(visitor) = TcpStream::connect(self.modbus) {
             let address = format!("\"{}\"", visitor.local_addr().unwrap());
             drop(visitor);
-            let is_it = |line: &str| (line.contains("connection closed") && line.contains(&address)).then_some(());
+            let is_it = |line: &str| {
+                (line.contains("connection closed") && line.contains(&address)).then_some(())
+            };
             let told = self.gateway.look_for(seen, is_it);
-            assert!(told.is_some() || self.gateway.is_silent(), "the log never tells that {address} has gone");
+            assert!(
+                told.is_some() || self.gateway.is_silent(),
+                "the log never tells that {address} has gone"
+            );
         }
         self.gateway.find_all(found)
     }
@@ -211,7 +228,11 @@ impl Plant {
     /// Waits for this word on the line, after `seen` others, at most for `within`.
     pub fn wait_for_write(&self, seen: usize, written: Written, within: Duration) {
         until(&format!("{written:X?} on the line"), within, || {
-            self.gateway.find_all(|line| self::written(line)).get(seen..)?.contains(&written).then_some(())
+            self.gateway
+                .find_all(|line| self::written(line))
+                .get(seen..)?
+                .contains(&written)
+                .then_some(())
         });
     }
 
@@ -225,7 +246,8 @@ impl Plant {
     /// The epoch that a commander names to show that it knows of the last stop.
     pub fn epoch(&self) -> u64 {
         let subscriber = Subscriber::new(&self.broker, "mqttv5", &Self::topic("state"));
-        let epoch = |text: &str| serde_json::from_str::<Value>(text).ok()?["control"]["epoch"].as_u64();
+        let epoch =
+            |text: &str| serde_json::from_str::<Value>(text).ok()?["control"]["epoch"].as_u64();
         subscriber.wait_for("state", |it| epoch(&it.payload))
     }
 
@@ -235,8 +257,14 @@ impl Plant {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let subscriber = self.subscriber();
         until("the start is taken", PATIENCE, || {
-            let (id, epoch) = (format!("start-{}", NUMBER.fetch_add(1, Ordering::Relaxed)), self.epoch());
-            self.order("command", &format!(r#"{{"id": "{id}", "run": "forward", "epoch": {epoch}}}"#));
+            let (id, epoch) = (
+                format!("start-{}", NUMBER.fetch_add(1, Ordering::Relaxed)),
+                self.epoch(),
+            );
+            self.order(
+                "command",
+                &format!(r#"{{"id": "{id}", "run": "forward", "epoch": {epoch}}}"#),
+            );
             let told = subscriber.results(&id);
             let last = told.last().unwrap();
             let is_too_soon = last["reason"] == "stop_pending" || last["reason"] == "stale_epoch";
@@ -248,9 +276,18 @@ impl Plant {
 
     /// A Modbus client writes `word` to the uniform unit. After a stop it tries again until that is effective.
     pub fn write_uniform(&self, client: &mut Raw, register: u16, word: u16) {
-        let answer = until("the stop before is effective", PATIENCE, || match client.write(UNIFORM, register, word) {
-            Err(6) if matches!(client.read_unit(UNIFORM, REASON, 1).as_deref(), Ok([STOP_PENDING | NO_REASON])) => None,
-            answer => Some(answer),
+        let answer = until("the stop before is effective", PATIENCE, || {
+            match client.write(UNIFORM, register, word) {
+                Err(6)
+                    if matches!(
+                        client.read_unit(UNIFORM, REASON, 1).as_deref(),
+                        Ok([STOP_PENDING | NO_REASON])
+                    ) =>
+                {
+                    None
+                }
+                answer => Some(answer),
+            }
         });
         assert_eq!(answer, Ok(()), "{word} to {register}");
     }
@@ -263,11 +300,16 @@ impl Plant {
     }
 
     pub fn wait_until_it_turns(&self) {
-        until("the motor turns", PATIENCE, || (self.output() > Some(200)).then_some(()));
+        until("the motor turns", PATIENCE, || {
+            (self.output() > Some(200)).then_some(())
+        });
     }
 
     /// What becomes of `asks` that begin while the gateway is stopped.
-    pub fn while_it_stands_still<T: Send, const N: usize>(&self, asks: [&mut (dyn FnMut() -> T + Send); N]) -> [T; N] {
+    pub fn while_it_stands_still<T: Send, const N: usize>(
+        &self,
+        asks: [&mut (dyn FnMut() -> T + Send); N],
+    ) -> [T; N] {
         self.gateway.signal("STOP");
         std::thread::scope(|scope| {
             let asked = asks.map(|ask| scope.spawn(ask));
@@ -279,30 +321,46 @@ impl Plant {
     }
 
     pub fn wait_until_it_stands(&self) {
-        until("the motor stands still", PATIENCE, || (self.output() == Some(0)).then_some(()));
+        until("the motor stands still", PATIENCE, || {
+            (self.output() == Some(0)).then_some(())
+        });
     }
 
     /// Proves that the observer sees: a start that is written, as the first word after `seen` others.
     pub fn assert_nothing_was_written_since(&self, seen: usize) {
         let id = format!("proof-{seen}");
         let subscriber = self.subscriber();
-        self.order("command", &format!(r#"{{"id": "{id}", "frequency_hz": 12.34}}"#));
+        self.order(
+            "command",
+            &format!(r#"{{"id": "{id}", "frequency_hz": 12.34}}"#),
+        );
         let results = subscriber.results(&id);
-        assert_eq!(results.last().unwrap()["outcome"], "confirmed", "{results:?}");
+        assert_eq!(
+            results.last().unwrap()["outcome"],
+            "confirmed",
+            "{results:?}"
+        );
         assert_eq!(self.written()[seen..], [(FREQUENCY, 1234)]);
     }
 }
 
 /// The output frequency that the N700 at unit 1 of `modbus` says it has, in 0.01 Hz; nothing if nobody answers.
 pub fn output(modbus: SocketAddr) -> Option<u16> {
-    Raw::connect(modbus).read(OUTPUT, 1).ok().map(|words| words[0])
+    Raw::connect(modbus)
+        .read(OUTPUT, 1)
+        .ok()
+        .map(|words| words[0])
 }
 
 /// Status and body of `path` at `address`; nothing as long as nobody answers.
 pub fn get(address: SocketAddr, path: &str) -> Option<(u16, String)> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n").ok()?;
+    write!(
+        stream,
+        "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+    )
+    .ok()?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer).ok()?;
     let (head, body) = answer.split_once("\r\n\r\n")?;
@@ -313,22 +371,39 @@ fn broker(place: &Place, wish: &Wish<'_>) -> Mosquitto {
     let access = if wish.access.is_empty() {
         String::new()
     } else {
-        format!("acl_file {}\n", place.write("access", wish.access).display())
+        format!(
+            "acl_file {}\n",
+            place.write("access", wish.access).display()
+        )
     };
     Mosquitto::start_with(&place.file(""), &format!("{access}{}", wish.broker))
 }
 
 fn simulate(link: &str, more: &[&str]) -> Started {
-    let args = ["simulate", "--model", "hyundai-n700", "--baud", "38400", "--link", link];
+    let args = [
+        "simulate",
+        "--model",
+        "hyundai-n700",
+        "--baud",
+        "38400",
+        "--link",
+        link,
+    ];
     let drive = start(&[&args, more].concat());
-    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    drive.wait_for("that it plays", |line| {
+        line.contains("station 1").then_some(())
+    });
     drive
 }
 
 /// The gateway with `file`, logging every frame.
 fn run(file: &std::path::Path) -> (Started, SocketAddr) {
     let mut command = program();
-    command.env("RUST_LOG", "info,vfd_gateway=trace").arg("run").arg("-c").arg(file);
+    command
+        .env("RUST_LOG", "info,vfd_gateway=trace")
+        .arg("run")
+        .arg("-c")
+        .arg(file);
     let gateway = Started::new(command);
     let modbus = gateway.wait_for("where it listens", |line| {
         let fields = fields(line)?;
@@ -338,16 +413,29 @@ fn run(file: &std::path::Path) -> (Started, SocketAddr) {
 }
 
 fn configuration(place: &Place, broker: u16, http: SocketAddr, wish: &Wish<'_>) -> String {
-    let lost_after = if wish.lost_after.is_empty() { "3s" } else { wish.lost_after };
+    let lost_after = if wish.lost_after.is_empty() {
+        "3s"
+    } else {
+        wish.lost_after
+    };
     let mqtt = wish.mqtt;
     let (control, write) = match wish.read_only {
         true => (String::new(), String::new()),
         false => {
-            let write = if wish.write.is_empty() { "127.0.0.1/32" } else { wish.write };
+            let write = if wish.write.is_empty() {
+                "127.0.0.1/32"
+            } else {
+                wish.write
+            };
             (control(lost_after, wish), format!("write = [\"{write}\"]"))
         }
     };
-    let (port, data, page, listener) = (place.file("line"), place.file("data"), wish.page, wish.listener);
+    let (port, data, page, listener) = (
+        place.file("line"),
+        place.file("data"),
+        wish.page,
+        wish.listener,
+    );
     format!(
         r#"
 [gateway]
@@ -389,7 +477,11 @@ listen = "{http}"
 
 fn control(lost_after: &str, wish: &Wish<'_>) -> String {
     let (more, from) = (wish.control, wish.from);
-    let page = if wish.page.is_empty() { "" } else { ", \"page\"" };
+    let page = if wish.page.is_empty() {
+        ""
+    } else {
+        ", \"page\""
+    };
     format!(
         r#"
 [line.drive.control]
@@ -408,7 +500,8 @@ on_shutdown = "stop"
 fn written(line: &str) -> Option<Written> {
     let fields = line.contains("traffic").then(|| fields(line))??;
     let is_request = fields["message"] == "traffic" && fields["kind"] == "Request";
-    let bytes: Vec<u8> = serde_json::from_str(fields["bytes"].as_str().filter(|_| is_request)?).unwrap();
+    let bytes: Vec<u8> =
+        serde_json::from_str(fields["bytes"].as_str().filter(|_| is_request)?).unwrap();
     let number = |at: usize| u16::from_be_bytes([bytes[at], bytes[at + 1]]);
     (bytes[1] != 3).then(|| (number(2), number(4)))
 }

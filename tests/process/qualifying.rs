@@ -50,9 +50,18 @@ impl Site {
         let place = Place::new();
         let port = place.file("line");
         let mut command = program();
-        command.args(["simulate", "--trip-on-enter", "--model", model, "--link", port.to_str().unwrap()]);
+        command.args([
+            "simulate",
+            "--trip-on-enter",
+            "--model",
+            model,
+            "--link",
+            port.to_str().unwrap(),
+        ]);
         let drive = Started::at_a_keyboard(command);
-        drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+        drive.wait_for("that it plays", |line| {
+            line.contains("station 1").then_some(())
+        });
         std::fs::create_dir(place.file("data")).unwrap();
         std::fs::create_dir(place.file("models")).unwrap();
         let http = SocketAddr::from((Ipv4Addr::LOCALHOST, free_port()));
@@ -70,8 +79,20 @@ impl Site {
         let file = place.write("gateway.toml", &text);
         place.write("models/own-fan.toml", &own_model(model, "Own fan"));
         let (gateway, modbus) = run(&file);
-        let socket = place.file("data/vfd-gateway.sock").to_str().unwrap().to_owned();
-        let site = Self { gateway, modbus, http, drive, socket, file, place };
+        let socket = place
+            .file("data/vfd-gateway.sock")
+            .to_str()
+            .unwrap()
+            .to_owned();
+        let site = Self {
+            gateway,
+            modbus,
+            http,
+            drive,
+            socket,
+            file,
+            place,
+        };
         site.waits_for(STOPPED);
         site
     }
@@ -90,11 +111,16 @@ impl Site {
     }
 
     fn word(&self, register: u16) -> Option<u16> {
-        Raw::connect(self.modbus).read_unit(UNIFORM, register, 1).ok().map(|words| words[0])
+        Raw::connect(self.modbus)
+            .read_unit(UNIFORM, register, 1)
+            .ok()
+            .map(|words| words[0])
     }
 
     fn waits_for(&self, run_state: u16) {
-        until(&format!("run state {run_state}"), RAMP, || (self.word(RUN_STATE) == Some(run_state)).then_some(()));
+        until(&format!("run state {run_state}"), RAMP, || {
+            (self.word(RUN_STATE) == Some(run_state)).then_some(())
+        });
     }
 
     /// What becomes of a start over Modbus TCP: stop, setpoint, run.
@@ -151,7 +177,11 @@ impl Trials {
         let mut command = program();
         command.args(site.args(&["--by", "anna"]));
         let command = Started::at_a_terminal(command, rig::terminal(terminal.path()));
-        Self { command, terminal: Some(terminal), asked: 0 }
+        Self {
+            command,
+            terminal: Some(terminal),
+            asked: 0,
+        }
     }
 
     /// Waits for the next question, and answers it.
@@ -164,16 +194,27 @@ impl Trials {
 
     /// The question stands at the end of what was printed, without a line break behind it.
     fn waits_to_be_asked(&mut self, question: &str) {
-        until(&format!("`{question}` is asked: {}", self.command.text()), RAMP, || {
-            let said = self.command.text_so_far();
-            let asked = said.matches("[y/N/skip]").count();
-            (asked == self.asked + 1 && said.trim_end().ends_with(question)).then_some(())
-        });
+        until(
+            &format!("`{question}` is asked: {}", self.command.text()),
+            RAMP,
+            || {
+                let said = self.command.text_so_far();
+                let asked = said.matches("[y/N/skip]").count();
+                (asked == self.asked + 1 && said.trim_end().ends_with(question)).then_some(())
+            },
+        );
     }
 
     fn ends(mut self, code: i32, words: &[&str]) {
-        assert_eq!(self.command.end_within(RAMP).code(), Some(code), "{}", self.command.text());
-        let said = until("all is read", PATIENCE, || self.command.is_silent().then(|| self.command.text()));
+        assert_eq!(
+            self.command.end_within(RAMP).code(),
+            Some(code),
+            "{}",
+            self.command.text()
+        );
+        let said = until("all is read", PATIENCE, || {
+            self.command.is_silent().then(|| self.command.text())
+        });
         for word in words {
             assert!(said.contains(word), "no `{word}` in: {said}");
         }
@@ -184,17 +225,33 @@ impl Trials {
 fn a_drive_is_qualified_and_that_counts_until_something_changes() {
     let mut site = Site::new("qualify = true");
     assert_says(&check(&site), 0, &["being qualified", "takes no orders"]);
-    assert_eq!(site.starts(), Err(1), "nobody else may use what is unproven");
+    assert_eq!(
+        site.starts(),
+        Err(1),
+        "nobody else may use what is unproven"
+    );
     assert_says(&vfd_gateway(&site.args(&[])), 2, &["stdin is no terminal"]);
-    assert_eq!(get(site.http, "/api/v1/drives/fan-1/qualify").unwrap().0, 404, "not over TCP");
-    assert_says(&vfd_gateway(&site.args(&["--list"])), 0, &["basic", "not tried; refused", "open to trials"]);
+    assert_eq!(
+        get(site.http, "/api/v1/drives/fan-1/qualify").unwrap().0,
+        404,
+        "not over TCP"
+    );
+    assert_says(
+        &vfd_gateway(&site.args(&["--list"])),
+        0,
+        &["basic", "not tried; refused", "open to trials"],
+    );
 
     let mut trials = Trials::begin(&site);
     trials.answers(SEND, "y");
     trials.answers("new fault? [y/N/skip]", "y");
     trials.answers(SEND, "y");
     trials.waits_to_be_asked("about that frequency? [y/N/skip]");
-    assert_eq!(site.word(RUN_STATE), Some(FORWARD), "it runs while the person looks");
+    assert_eq!(
+        site.word(RUN_STATE),
+        Some(FORWARD),
+        "it runs while the person looks"
+    );
     trials.answers("about that frequency? [y/N/skip]", "y");
     trials.answers(SEND, "y");
     trials.answers("come to rest? [y/N/skip]", "y");
@@ -208,27 +265,58 @@ fn a_drive_is_qualified_and_that_counts_until_something_changes() {
     assert_says(&check(&site), 0, &["qualified at this drive (site): basic"]);
     let state: Value = serde_json::from_str(&get(site.http, "/api/v1/state").unwrap().1).unwrap();
     let drive = &state["drives"][0];
-    assert_eq!(drive["control"]["site"], serde_json::json!(["basic"]), "{drive}");
+    assert_eq!(
+        drive["control"]["site"],
+        serde_json::json!(["basic"]),
+        "{drive}"
+    );
     let health = vfd_gateway(&["health", "--socket", &site.socket]);
-    assert!(String::from_utf8_lossy(&health.stdout).contains("qualified at the site: basic"), "{health:?}");
+    assert!(
+        String::from_utf8_lossy(&health.stdout).contains("qualified at the site: basic"),
+        "{health:?}"
+    );
     assert_eq!(site.starts(), Ok(()));
     site.waits_for(FORWARD);
     Raw::connect(site.modbus).write(UNIFORM, RUN, 0).unwrap();
     site.waits_for(STOPPED);
 
     let report = site.place.file("report.json");
-    assert_says(&vfd_gateway(&site.args(&["--report", report.to_str().unwrap()])), 0, &["written"]);
+    assert_says(
+        &vfd_gateway(&site.args(&["--report", report.to_str().unwrap()])),
+        0,
+        &["written"],
+    );
     let report = std::fs::read_to_string(report).unwrap();
-    assert!(report.contains("confirmed") && report.contains("own-fan"), "{report}");
-    assert!(!["fan-1", "hall-1", "anna", "127.0.0.1"].iter().any(|it| report.contains(it)), "{report}");
+    assert!(
+        report.contains("confirmed") && report.contains("own-fan"),
+        "{report}"
+    );
+    assert!(
+        !["fan-1", "hall-1", "anna", "127.0.0.1"]
+            .iter()
+            .any(|it| report.contains(it)),
+        "{report}"
+    );
 
-    site.place.write("models/own-fan.toml", &own_model(MODEL, "Another fan"));
-    let void = ["no longer counts (basic): the model file has changed since", "takes no orders"];
+    site.place
+        .write("models/own-fan.toml", &own_model(MODEL, "Another fan"));
+    let void = [
+        "no longer counts (basic): the model file has changed since",
+        "takes no orders",
+    ];
     assert_says(&check(&site), 0, &void);
     site.again();
     assert_eq!(site.starts(), Err(1));
-    assert_says(&vfd_gateway(&site.args(&["--forget", "--yes"])), 0, &["forgotten"]);
-    assert_says(&vfd_gateway(&site.args(&["--list"])), 0, &["not tried; refused"]);
+    assert_says(
+        &vfd_gateway(&site.args(&["--forget", "--yes"])),
+        0,
+        &["forgotten"],
+    );
+    assert_says(
+        &vfd_gateway(&site.args(&["--list"])),
+        0,
+        &["not tried; refused"],
+    );
 }
 
 #[test]
@@ -253,31 +341,61 @@ fn a_motor_in_a_trial_is_stopped_whatever_becomes_of_the_command() {
             }
             _ => {
                 trials.answers("about that frequency? [y/N/skip]", "n");
-                trials.ends(1, &["NOT AS EXPECTED", "contradicted", "the motor is stopped"]);
+                trials.ends(
+                    1,
+                    &["NOT AS EXPECTED", "contradicted", "the motor is stopped"],
+                );
             }
         }
         site.waits_for(STOPPED);
     }
     let told = vfd_gateway(&site.args(&["--list"]));
     assert_says(&told, 0, &["contradicted by anna"]);
-    let lost = site.gateway.find_all(|line| line.contains("commander lost").then_some(()));
-    assert_eq!(lost.len(), 1, "only the one that was killed: {}", site.gateway.text());
+    let lost = site
+        .gateway
+        .find_all(|line| line.contains("commander lost").then_some(()));
+    assert_eq!(
+        lost.len(),
+        1,
+        "only the one that was killed: {}",
+        site.gateway.text()
+    );
 }
 
 #[test]
 fn every_action_has_a_trial_of_its_own() {
     let control = "qualify = true\ndirections = [\"forward\", \"reverse\"]\nallow_release = true\n";
-    let mut site = Site::of(ALL_UNPROVEN, "rated_current_a = 11.0\nrated_voltage_v = 400.0", control);
+    let mut site = Site::of(
+        ALL_UNPROVEN,
+        "rated_current_a = 11.0\nrated_voltage_v = 400.0",
+        control,
+    );
     let mut trials = Trials::begin(&site);
     let at_rest = [SEND, "new fault? [y/N/skip]"];
-    let basic = [SEND, "about that frequency? [y/N/skip]", SEND, "come to rest? [y/N/skip]"];
-    let others =
-        [SEND, "the other way? [y/N/skip]", SEND, "without a ramp? [y/N/skip]", SEND, "terminals again? [y/N/skip]"];
+    let basic = [
+        SEND,
+        "about that frequency? [y/N/skip]",
+        SEND,
+        "come to rest? [y/N/skip]",
+    ];
+    let others = [
+        SEND,
+        "the other way? [y/N/skip]",
+        SEND,
+        "without a ramp? [y/N/skip]",
+        SEND,
+        "terminals again? [y/N/skip]",
+    ];
     for question in at_rest.into_iter().chain(basic).chain(others) {
         trials.answers(question, "y");
     }
-    let results =
-        ["basic: confirmed", "reverse: confirmed", "coast: confirmed", "release: confirmed", "reset: skipped"];
+    let results = [
+        "basic: confirmed",
+        "reverse: confirmed",
+        "coast: confirmed",
+        "release: confirmed",
+        "reset: skipped",
+    ];
     trials.ends(0, &results);
     site.waits_for(STOPPED);
 
@@ -287,12 +405,25 @@ fn every_action_has_a_trial_of_its_own() {
     site.drive.type_line("trip");
     site.waits_for(TRIPPED);
     let mut trials = Trials::begin(&site);
-    for question in [SEND, "new fault? [y/N/skip]", SEND, "motor stand still? [y/N/skip]"] {
+    for question in [
+        SEND,
+        "new fault? [y/N/skip]",
+        SEND,
+        "motor stand still? [y/N/skip]",
+    ] {
         trials.answers(question, "y");
     }
     trials.answers(SEND, "enough");
     trials.ends(1, &["reset: confirmed", "ended by you"]);
     site.waits_for(STOPPED);
     let told = vfd_gateway(&site.args(&["--list"]));
-    assert_says(&told, 0, &["basic", "accepted for this drive (site)", "counts after a reload"]);
+    assert_says(
+        &told,
+        0,
+        &[
+            "basic",
+            "accepted for this drive (site)",
+            "counts after a reload",
+        ],
+    );
 }

@@ -16,7 +16,10 @@ pub struct Raw {
 impl From<TcpStream> for Raw {
     fn from(stream: TcpStream) -> Self {
         stream.set_read_timeout(Some(ANSWER_WITHIN)).unwrap();
-        Self { stream, transaction: 0x4100 }
+        Self {
+            stream,
+            transaction: 0x4100,
+        }
     }
 }
 
@@ -51,7 +54,8 @@ impl Raw {
         self.transaction += 1;
         let [high, low] = self.transaction.to_be_bytes();
         let length = u8::try_from(pdu.len() + 1).unwrap();
-        self.stream.write_all(&[&[high, low, 0, 0, 0, length, unit], pdu].concat())?;
+        self.stream
+            .write_all(&[&[high, low, 0, 0, 0, length, unit], pdu].concat())?;
         let mut header = [0; 7];
         self.stream.read_exact(&mut header)?;
         assert_eq!(header[..4], [high, low, 0, 0], "transaction and protocol");
@@ -71,8 +75,13 @@ impl Raw {
         let ([a, b], [c, d]) = (address.to_be_bytes(), count.to_be_bytes());
         match self.ask(unit, &[3, a, b, c, d]).as_slice() {
             [0x83, code] => Err(*code),
-            [3, bytes, words @ ..] if usize::from(*bytes) == words.len() && words.len() == 2 * usize::from(count) => {
-                Ok(words.chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect())
+            [3, bytes, words @ ..]
+                if usize::from(*bytes) == words.len() && words.len() == 2 * usize::from(count) =>
+            {
+                Ok(words
+                    .chunks(2)
+                    .map(|word| u16::from_be_bytes([word[0], word[1]]))
+                    .collect())
             }
             other => panic!("no answer to a read: {other:02X?}"),
         }

@@ -18,7 +18,12 @@ fn mbpoll_reads_a_simulated_drive_through_the_gateway() {
     let holding = mbpoll(gateway.address, &["-t", "4", "-r", "529", "-c", "1"]);
     assert_eq!(holding.values, [3], "{}", holding.text);
     let input = mbpoll(gateway.address, &["-t", "3", "-r", "529", "-c", "2"]);
-    assert_eq!(input.values, [3, 3], "F010 and F011 as input registers: {}", input.text);
+    assert_eq!(
+        input.values,
+        [3, 3],
+        "F010 and F011 as input registers: {}",
+        input.text
+    );
 }
 
 #[test]
@@ -29,7 +34,10 @@ fn pymodbus_reads_with_03_and_04_and_more_words_than_the_drive_gives_at_once() {
     let gateway = gateway(&place, &port);
     gateway.wait_for_drive();
     let f010 = |verb: &str| format!("{verb}:1:{F010}:1");
-    let answers = pymodbus_client(gateway.address, &[&f010("read"), &f010("read_input"), "read:1:0x0112:20"]);
+    let answers = pymodbus_client(
+        gateway.address,
+        &[&f010("read"), &f010("read_input"), "read:1:0x0112:20"],
+    );
     assert_eq!(answers[0], json!({"words": [3]}));
     assert_eq!(answers[1], json!({"words": [3]}));
     // Trip count and trip records of a drive that never tripped: three frames of at most 8 words.
@@ -45,7 +53,8 @@ fn a_drive_that_pymodbus_plays_is_read_word_for_word() {
     let gateway = gateway(&place, &near);
     // The gateway may have asked before the drive was ready; then it asks again when a client does.
     let first = until("the drive answers", PATIENCE, || {
-        Some(mbpoll(gateway.address, &["-t", "4", "-r", "257", "-c", "1"]).values).filter(|values| !values.is_empty())
+        Some(mbpoll(gateway.address, &["-t", "4", "-r", "257", "-c", "1"]).values)
+            .filter(|values| !values.is_empty())
     });
     assert_eq!(first, [0x0101]);
     // Every register of this drive holds its own address, so that no word can stand in for another.

@@ -29,7 +29,11 @@ fn pymodbus_gets_the_exception_that_fits() {
         assert_eq!(answer, &json!({"exception": code}), "{request}");
     }
     assert_eq!(answers.len(), requests.len());
-    assert_eq!(Raw::connect(gateway.address).read(F001, 1), Ok(vec![0]), "nothing was written");
+    assert_eq!(
+        Raw::connect(gateway.address).read(F001, 1),
+        Ok(vec![0]),
+        "nothing was written"
+    );
 }
 
 #[test]
@@ -42,7 +46,11 @@ fn a_quantity_that_modbus_does_not_know_is_03() {
     for function in [3, 4] {
         for count in [0, 126, 0xFFFF_u16] {
             let [high, low] = count.to_be_bytes();
-            assert_eq!(client.ask(1, &[function, 1, 1, high, low]), [function | 0x80, 3], "{function} {count}");
+            assert_eq!(
+                client.ask(1, &[function, 1, 1, high, low]),
+                [function | 0x80, 3],
+                "{function} {count}"
+            );
         }
     }
 }
@@ -91,7 +99,11 @@ fn the_line_never_hears_of_what_was_refused() {
         }
         let mut client = Raw::connect(gateway.address);
         for (unit, pdu, code) in REFUSED {
-            assert_eq!(client.ask(*unit, pdu), [pdu[0] | 0x80, *code], "{unit} {pdu:02X?}");
+            assert_eq!(
+                client.ask(*unit, pdu),
+                [pdu[0] | 0x80, *code],
+                "{unit} {pdu:02X?}"
+            );
         }
     });
     assert_eq!(with_refusals, undisturbed);
@@ -118,10 +130,10 @@ const REFUSED: &[(u8, &[u8], u8)] = &[
     (1, &[5, 0, 0, 0xFF, 0], 1),                      // a coil
     (1, &[0x17, 1, 1, 0, 1, 0, 2, 0, 1, 2, 0, 1], 1), // read and write at once
     (9, &[3, 1, 1, 0, 1], 0x0A),                      // no such unit
-    (255, &[6, 0, 2, 0, 1], 1),                       // the number that is the drives' own broadcast
-    (0, &[6, 0, 2, 0, 1], 1),                         // and that of Modbus
-    (1, &[3, 1, 1, 0, 0], 3),                         // no words
-    (1, &[3, 1, 1, 0, 126], 3),                       // too many
+    (255, &[6, 0, 2, 0, 1], 1), // the number that is the drives' own broadcast
+    (0, &[6, 0, 2, 0, 1], 1),   // and that of Modbus
+    (1, &[3, 1, 1, 0, 0], 3),   // no words
+    (1, &[3, 1, 1, 0, 126], 3), // too many
 ];
 
 /// Requests that a drive hears while a gateway starts, `disturb` happens, and a client reads ten times.

@@ -6,7 +6,10 @@ use super::plant::{Plant, RUN, Wish};
 pub const COMMANDS: &[(&str, &str)] = &[
     ("drive/pump-1/frequency/set", "42.5"),
     ("drive/pump-1/run/set", "forward"),
-    ("drive/pump-1/command", r#"{"id": "kept", "run": "forward", "frequency_hz": 20}"#),
+    (
+        "drive/pump-1/command",
+        r#"{"id": "kept", "run": "forward", "frequency_hz": 20}"#,
+    ),
     ("drive/pump-1/trip/reset", "reset"),
     ("drive/pump-1/lease", "1"),
     ("drive/pump-1/param/F007/set", "10"),
@@ -17,7 +20,10 @@ pub const COMMANDS: &[(&str, &str)] = &[
 #[test]
 fn retained_commands_move_nothing_at_start_nor_after_three_restarts_of_the_broker() {
     for version in ["version = 4", "version = 5"] {
-        let wish = Wish { mqtt: version, ..Wish::default() };
+        let wish = Wish {
+            mqtt: version,
+            ..Wish::default()
+        };
         let mut plant = Plant::prepared(wish, |broker| {
             for (topic, payload) in COMMANDS {
                 broker.publish_retained(&format!("vfd/plant/{topic}"), payload);
@@ -45,11 +51,16 @@ fn a_stop_with_the_retain_flag_stops_now_and_never_again() {
     let mut plant = Plant::new();
     let subscriber = plant.subscriber();
     let seen = plant.run_over_mqtt();
-    plant.broker.publish_retained(&Plant::topic("command"), r#"{"id": "kept", "run": "stop"}"#);
+    plant
+        .broker
+        .publish_retained(&Plant::topic("command"), r#"{"id": "kept", "run": "stop"}"#);
     let told = subscriber.results("kept");
     let last = told.last().unwrap();
     assert_eq!(last["outcome"], "confirmed");
-    assert!(last["message"].as_str().unwrap().contains("retain flag"), "its sender is warned: {last}");
+    assert!(
+        last["message"].as_str().unwrap().contains("retain flag"),
+        "its sender is warned: {last}"
+    );
     plant.wait_until_it_stands();
     let written = plant.written();
     assert_eq!(written[seen..], [(RUN, 0)]);
@@ -58,7 +69,9 @@ fn a_stop_with_the_retain_flag_stops_now_and_never_again() {
     plant.wait_until_not_ready();
     plant.broker.start_again();
     plant.wait_until_ready();
-    plant.subscriber().wait_for_payload("plant/status", "online");
+    plant
+        .subscriber()
+        .wait_for_payload("plant/status", "online");
     plant.run_over_mqtt_behind_a_stop();
     assert_eq!(plant.written()[written.len()..], [(RUN, 1)]);
 }

@@ -25,7 +25,8 @@ impl Place {
     pub fn new() -> Self {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
-        let path = std::env::temp_dir().join(format!("vfd-gateway-test-{}-{number}", std::process::id()));
+        let path =
+            std::env::temp_dir().join(format!("vfd-gateway-test-{}-{number}", std::process::id()));
         std::fs::create_dir(&path).unwrap();
         Self { path }
     }
@@ -51,14 +52,18 @@ impl Drop for Place {
 /// The program with a log that can be read line by line.
 pub fn program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-gateway"));
-    command.env("RUST_LOG", "info").args(["--log-format", "json"]);
+    command
+        .env("RUST_LOG", "info")
+        .args(["--log-format", "json"]);
     command
 }
 
 /// `vfd-fleet`, with a log that can be read line by line.
 pub fn fleet_program() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vfd-fleet"));
-    command.env("RUST_LOG", "info").args(["--log-format", "json"]);
+    command
+        .env("RUST_LOG", "info")
+        .args(["--log-format", "json"]);
     command
 }
 
@@ -102,8 +107,18 @@ pub fn only_demo() -> MutexGuard<'static, ()> {
 
 /// A simulated drive at station 1 whose port is reached as `link`.
 pub fn simulate(link: &Path) -> Started {
-    let drive = start(&["simulate", "--model", "hyundai-n700", "--station", "1", "--link", link.to_str().unwrap()]);
-    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    let drive = start(&[
+        "simulate",
+        "--model",
+        "hyundai-n700",
+        "--station",
+        "1",
+        "--link",
+        link.to_str().unwrap(),
+    ]);
+    drive.wait_for("that it plays", |line| {
+        line.contains("station 1").then_some(())
+    });
     drive
 }
 
@@ -116,7 +131,12 @@ pub fn reserved(link: &Path) -> File {
 /// The terminal at `path`. It does not become that of this program, which would end with it.
 pub fn terminal(path: &Path) -> File {
     let not_ours = i32::try_from(OFlags::NOCTTY.bits()).unwrap();
-    File::options().read(true).write(true).custom_flags(not_ours).open(path).unwrap()
+    File::options()
+        .read(true)
+        .write(true)
+        .custom_flags(not_ours)
+        .open(path)
+        .unwrap()
 }
 
 /// How many requests a simulated drive says at its end that it has heard.

@@ -15,10 +15,19 @@ impl Scada {
     /// Connects, and returns when the broker has granted its subscription.
     pub fn new(broker: &Mosquitto, version: &str) -> Self {
         let mut command = node("scada");
-        command.args([&broker.address().port().to_string(), "scada", "plant-a", version]);
+        command.args([
+            &broker.address().port().to_string(),
+            "scada",
+            "plant-a",
+            version,
+        ]);
         let program = Started::at_a_keyboard(command);
-        program.wait_for("that it is subscribed", |line| line.contains("subscribed").then_some(()));
-        Self { program: RefCell::new(program) }
+        program.wait_for("that it is subscribed", |line| {
+            line.contains("subscribed").then_some(())
+        });
+        Self {
+            program: RefCell::new(program),
+        }
     }
 
     /// The same, and it says that it is online.
@@ -55,7 +64,12 @@ impl Scada {
     }
 
     /// Waits for the first message behind `after` others of which `found` makes something.
-    pub fn wait_for<T>(&self, what: &str, after: usize, mut found: impl FnMut(&Value) -> Option<T>) -> T {
+    pub fn wait_for<T>(
+        &self,
+        what: &str,
+        after: usize,
+        mut found: impl FnMut(&Value) -> Option<T>,
+    ) -> T {
         let mut count = 0;
         self.program.borrow().wait_for(what, |line| {
             let message = message(line)?;
@@ -72,7 +86,9 @@ impl Scada {
     /// Waits until a live metric of this name has this value, behind `after` messages.
     pub fn wait_for_value(&self, name: &str, value: &Value, after: usize) {
         self.wait_for(&format!("{name} = {value}"), after, |message| {
-            let is_it = |it: &&Value| it["name"] == name && it["value"] == *value && it["historical"] == false;
+            let is_it = |it: &&Value| {
+                it["name"] == name && it["value"] == *value && it["historical"] == false
+            };
             metrics(message).iter().find(is_it).map(|_| ())
         });
     }

@@ -11,16 +11,34 @@ use vfd_gateway::daemon::host::pty::Pty;
 
 /// Simulated drives that hear only their own speed.
 fn simulate(link: &Path, model: &str, stations: &[&str], more: &[&str]) -> Started {
-    let stations: Vec<&str> = stations.iter().flat_map(|station| ["--station", station]).collect();
+    let stations: Vec<&str> = stations
+        .iter()
+        .flat_map(|station| ["--station", station])
+        .collect();
     let link = link.to_str().unwrap();
-    let drives = start(&[&["simulate", "--model", model, "--strict", "--link", link], &stations[..], more].concat());
-    drives.wait_for("that it plays", |line| line.contains("station").then_some(()));
+    let drives = start(
+        &[
+            &["simulate", "--model", model, "--strict", "--link", link],
+            &stations[..],
+            more,
+        ]
+        .concat(),
+    );
+    drives.wait_for("that it plays", |line| {
+        line.contains("station").then_some(())
+    });
     drives
 }
 
 fn scan(port: &Path, more: &[&str]) -> Output {
     // The same for every model. On a busy machine a simulated drive may need a part of it.
-    let args = ["scan", "--port", port.to_str().unwrap(), "--seconds-per-station", "0.5"];
+    let args = [
+        "scan",
+        "--port",
+        port.to_str().unwrap(),
+        "--seconds-per-station",
+        "0.5",
+    ];
     vfd_gateway(&[&args, more].concat())
 }
 
@@ -30,29 +48,60 @@ fn said(output: &Output) -> String {
 
 #[test]
 fn drives_are_found_with_model_and_setting_and_a_configuration_to_start_from() {
-    for (model, setting) in
-        [("hyundai-n700", "9600 8N1"), ("toshiba-vf-s15", "19200 8E1"), ("frecon-fr500a", "9600 8N2")]
-    {
+    for (model, setting) in [
+        ("hyundai-n700", "9600 8N1"),
+        ("toshiba-vf-s15", "19200 8E1"),
+        ("frecon-fr500a", "9600 8N2"),
+    ] {
         let place = Place::new();
         let port = place.file("line");
         let _drives = simulate(&port, model, &["3", "5"], &[]);
         let file = place.file("gateway.toml");
-        let output = scan(&port, &["--stations", "3-5", "--json", "--out", file.to_str().unwrap()]);
+        let output = scan(
+            &port,
+            &[
+                "--stations",
+                "3-5",
+                "--json",
+                "--out",
+                file.to_str().unwrap(),
+            ],
+        );
         let told = said(&output);
         assert_eq!(output.status.code(), Some(0), "{told}");
-        assert!(told.contains("about ") && told.contains("if no drive answers"), "how long is said before: {told}");
+        assert!(
+            told.contains("about ") && told.contains("if no drive answers"),
+            "how long is said before: {told}"
+        );
         let json: Value = serde_json::from_slice(&output.stdout).unwrap();
         // A pseudo-terminal keeps no parity: a setting that differs in that alone is heard as well.
-        let drives = json["drives"].as_array().unwrap().iter().filter(|drive| drive["link"]["text"] == setting);
+        let drives = json["drives"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|drive| drive["link"]["text"] == setting);
         let found: Vec<_> = drives
             .map(|drive| {
-                (drive["station"].as_u64().unwrap(), &drive["models"][0], drive["confidence"].as_str().unwrap())
+                (
+                    drive["station"].as_u64().unwrap(),
+                    &drive["models"][0],
+                    drive["confidence"].as_str().unwrap(),
+                )
             })
             .collect();
         let model = Value::from(model);
-        assert_eq!(found, [(3, &model, "probable"), (5, &model, "probable")], "{told}");
+        assert_eq!(
+            found,
+            [(3, &model, "probable"), (5, &model, "probable")],
+            "{told}"
+        );
         let checked = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
-        assert_eq!(checked.status.code(), Some(0), "{}", String::from_utf8_lossy(&checked.stderr));
+        assert_eq!(
+            checked.status.code(),
+            Some(0),
+            "{}",
+            String::from_utf8_lossy(&checked.stderr)
+        );
         let again = scan(&port, &["--out", file.to_str().unwrap()]);
         assert_eq!(again.status.code(), Some(2), "{}", said(&again));
         assert!(said(&again).contains("already exists"));
@@ -66,13 +115,44 @@ fn another_speed_is_found_on_request() {
     let _drives = simulate(&port, "teco-e510", &["7"], &["--baud", "38400"]);
     let usual = scan(&port, &["--stations", "7"]);
     assert_eq!(usual.status.code(), Some(1), "{}", said(&usual));
-    assert!(said(&usual).contains("nothing answers") && said(&usual).contains("--all-settings"), "{}", said(&usual));
-    let wanted = scan(&port, &["--stations", "7", "--baud", "38400", "--parity", "none", "--stop-bits", "1"]);
-    let (told, made) = (said(&wanted), String::from_utf8_lossy(&wanted.stdout).into_owned());
+    assert!(
+        said(&usual).contains("nothing answers") && said(&usual).contains("--all-settings"),
+        "{}",
+        said(&usual)
+    );
+    let wanted = scan(
+        &port,
+        &[
+            "--stations",
+            "7",
+            "--baud",
+            "38400",
+            "--parity",
+            "none",
+            "--stop-bits",
+            "1",
+        ],
+    );
+    let (told, made) = (
+        said(&wanted),
+        String::from_utf8_lossy(&wanted.stdout).into_owned(),
+    );
     assert_eq!(wanted.status.code(), Some(0), "{told}");
-    assert!(told.contains("38400 8N1") && told.contains("teco-e510"), "{told}");
-    assert!(made.contains("baud = 38400") && made.contains("model = \"teco-e510\""), "{made}");
-    let all = vfd_gateway(&["scan", "--port", port.to_str().unwrap(), "--all-settings", "--dry-run"]);
+    assert!(
+        told.contains("38400 8N1") && told.contains("teco-e510"),
+        "{told}"
+    );
+    assert!(
+        made.contains("baud = 38400") && made.contains("model = \"teco-e510\""),
+        "{made}"
+    );
+    let all = vfd_gateway(&[
+        "scan",
+        "--port",
+        port.to_str().unwrap(),
+        "--all-settings",
+        "--dry-run",
+    ]);
     assert!(said(&all).contains("38400 8E2"), "{}", said(&all));
 }
 
@@ -83,7 +163,15 @@ fn only_reads_go_over_the_line() {
     let _drives = simulate(&port, "teco-e510", &["2"], &[]);
     let mut command = program();
     command.env("RUST_LOG", "vfd_gateway=trace");
-    let args = ["scan", "--port", port.to_str().unwrap(), "--stations", "1-2", "--seconds-per-station", "0.1"];
+    let args = [
+        "scan",
+        "--port",
+        port.to_str().unwrap(),
+        "--stations",
+        "1-2",
+        "--seconds-per-station",
+        "0.1",
+    ];
     let output = command.args(args).output().unwrap();
     let told = said(&output);
     let sent = told.lines().filter_map(|line| {
@@ -93,8 +181,15 @@ fn only_reads_go_over_the_line() {
     let sent: Vec<String> = sent.collect();
     assert!(sent.len() > 10, "{told}");
     for bytes in sent {
-        let function = bytes.trim_start_matches('[').split(", ").nth(1).map(str::to_owned);
-        assert!(matches!(function.as_deref(), Some("1" | "2" | "3" | "4")), "{bytes}");
+        let function = bytes
+            .trim_start_matches('[')
+            .split(", ")
+            .nth(1)
+            .map(str::to_owned);
+        assert!(
+            matches!(function.as_deref(), Some("1" | "2" | "3" | "4")),
+            "{bytes}"
+        );
     }
 }
 
@@ -115,7 +210,11 @@ fn a_line_on_which_somebody_asks_is_left_alone() {
         output
     });
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("the line is in use"), "{}", said(&output));
+    assert!(
+        said(&output).contains("the line is in use"),
+        "{}",
+        said(&output)
+    );
 }
 
 #[test]
@@ -127,9 +226,21 @@ fn a_port_that_a_gateway_has_open_is_refused_and_the_holder_named() {
     gateway.wait_for_drive();
     let output = scan(&port, &[]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    let holder = format!("line test of the vfd-gateway that is process {}", gateway.program.id());
+    let holder = format!(
+        "line test of the vfd-gateway that is process {}",
+        gateway.program.id()
+    );
     assert!(said(&output).contains(&holder), "{}", said(&output));
-    let args = ["params", "dump", "--port", port.to_str().unwrap(), "--model", "hyundai-n700", "--station", "1"];
+    let args = [
+        "params",
+        "dump",
+        "--port",
+        port.to_str().unwrap(),
+        "--model",
+        "hyundai-n700",
+        "--station",
+        "1",
+    ];
     let output = vfd_gateway(&args);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains(&holder), "{}", said(&output));
@@ -140,11 +251,26 @@ fn what_was_found_until_ctrl_c_is_kept() {
     let place = Place::new();
     let port = place.file("line");
     let _drives = simulate(&port, "hyundai-n700", &["1"], &[]);
-    let setting = ["--baud", "9600", "--parity", "none", "--stop-bits", "1", "--stations", "1-2"];
+    let setting = [
+        "--baud",
+        "9600",
+        "--parity",
+        "none",
+        "--stop-bits",
+        "1",
+        "--stations",
+        "1-2",
+    ];
     let mut scan = start(&[&["scan", "--port", port.to_str().unwrap()], &setting[..]].concat());
-    scan.wait_for("that the drive answers", |line| line.contains("station 1 answers").then_some(()));
+    scan.wait_for("that the drive answers", |line| {
+        line.contains("station 1 answers").then_some(())
+    });
     scan.interrupt();
     assert_eq!(scan.end_within(PATIENCE).code(), Some(1));
-    until("the end is told", PATIENCE, || scan.text().contains("interrupted before all was tried").then_some(()));
+    until("the end is told", PATIENCE, || {
+        scan.text()
+            .contains("interrupted before all was tried")
+            .then_some(())
+    });
     assert!(scan.text().contains("station 1"), "{}", scan.text());
 }

@@ -54,17 +54,30 @@ impl Secured {
             let fields = fields(line)?;
             (fields["message"] == "drive online").then_some(())
         });
-        Self { gateway, address, _drive: drive, tls, place }
+        Self {
+            gateway,
+            address,
+            _drive: drive,
+            tls,
+            place,
+        }
     }
 
     fn client(&self, name: &str, source: &str) -> Client {
-        Client { program: pymodbus_tls_client(self.address, &self.tls, name, source), asked: 0 }
+        Client {
+            program: pymodbus_tls_client(self.address, &self.tls, name, source),
+            asked: 0,
+        }
     }
 
     /// What OpenSSL says, with the certificate of `name` if it has one.
     fn openssl(&self, name: Option<&str>, args: &[&str]) -> (bool, String) {
         let file = |name: &str| self.tls.join(name).to_str().unwrap().to_owned();
-        let mut all = vec!["-CAfile".to_owned(), file("ca.pem"), "-verify_return_error".to_owned()];
+        let mut all = vec![
+            "-CAfile".to_owned(),
+            file("ca.pem"),
+            "-verify_return_error".to_owned(),
+        ];
         if let Some(name) = name {
             all.extend([
                 "-cert".to_owned(),
@@ -74,7 +87,10 @@ impl Secured {
             ]);
         }
         all.extend(args.iter().map(|arg| (*arg).to_owned()));
-        openssl_client(self.address, &all.iter().map(String::as_str).collect::<Vec<_>>())
+        openssl_client(
+            self.address,
+            &all.iter().map(String::as_str).collect::<Vec<_>>(),
+        )
     }
 
     /// Has the configuration taken anew, and returns what the log says of it.
@@ -82,21 +98,42 @@ impl Secured {
         let told = |line: &str| {
             let fields = fields(line)?;
             let message = fields["message"].as_str()?;
-            let is_it = message == "configuration reloaded" || message.starts_with("configuration unchanged");
+            let is_it = message == "configuration reloaded"
+                || message.starts_with("configuration unchanged");
             is_it.then(|| message.to_owned())
         };
         let before = self.gateway.find_all(|line| told(line)).len();
         self.gateway.signal("HUP");
-        until("the log tells of the reload", PATIENCE, || self.gateway.find_all(|line| told(line)).get(before).cloned())
+        until("the log tells of the reload", PATIENCE, || {
+            self.gateway
+                .find_all(|line| told(line))
+                .get(before)
+                .cloned()
+        })
     }
 
     /// The rows of the audit as text.
     fn audit(&self) -> Vec<String> {
         let data = self.place.file("data");
-        let output =
-            vfd_gateway(&["journal", "audit", "--data-dir", data.to_str().unwrap(), "--json", "--last", "1000"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap().lines().map(str::to_owned).collect()
+        let output = vfd_gateway(&[
+            "journal",
+            "audit",
+            "--data-dir",
+            data.to_str().unwrap(),
+            "--json",
+            "--last",
+            "1000",
+        ]);
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        String::from_utf8(output.stdout)
+            .unwrap()
+            .lines()
+            .map(str::to_owned)
+            .collect()
     }
 }
 
@@ -150,11 +187,14 @@ impl Client {
     fn ask(&mut self, request: &str) -> Value {
         self.program.type_line(request);
         self.asked += 1;
-        until(&format!("an answer to {request}"), PATIENCE, || self.answers().get(self.asked - 1).cloned())
+        until(&format!("an answer to {request}"), PATIENCE, || {
+            self.answers().get(self.asked - 1).cloned()
+        })
     }
 
     fn answers(&self) -> Vec<Value> {
-        self.program.find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
+        self.program
+            .find_all(|line| serde_json::from_str(line).ok().filter(Value::is_object))
     }
 
     fn read(&mut self, register: u16) -> Value {
@@ -182,9 +222,11 @@ impl Client {
             self.program.type_line("read:101:0:1");
             self.asked += 1;
             // One that was sent away ends with the next request, and takes no other.
-            until("an answer or the end", PATIENCE, || match self.program.text().contains("Connection") {
-                true => Some(Some(())),
-                false => (self.answers().len() >= self.asked).then_some(None),
+            until("an answer or the end", PATIENCE, || {
+                match self.program.text().contains("Connection") {
+                    true => Some(Some(())),
+                    false => (self.answers().len() >= self.asked).then_some(None),
+                }
             })
         });
     }
@@ -207,7 +249,12 @@ fn pymodbus_reads_and_commands_as_its_role_says() {
 
     let mut panel = secured.client("panel", "127.0.0.1");
     assert_eq!(panel.read(SETPOINT), words(3000));
-    for request in ["write:101:256:0", "write:101:257:1000", "write:1:0x0002:0", "coil:255:0:1"] {
+    for request in [
+        "write:101:256:0",
+        "write:101:257:1000",
+        "write:1:0x0002:0",
+        "coil:255:0:1",
+    ] {
         assert_eq!(panel.ask(request), exception(1), "{request}");
     }
     for name in ["intern", "nobody"] {
@@ -223,7 +270,11 @@ fn pymodbus_reads_and_commands_as_its_role_says() {
     assert_eq!(elsewhere.read(OWNER), words(OURSELVES));
     assert_eq!(elsewhere.write(SETPOINT, 2000), words(2000));
     let mut plc = secured.client("plc", "127.0.0.2");
-    assert_eq!(plc.write(SETPOINT, 1000), exception(6), "another client holds control");
+    assert_eq!(
+        plc.write(SETPOINT, 1000),
+        exception(6),
+        "another client holds control"
+    );
     assert_eq!(elsewhere.write(RUN, 0), words(0));
 
     let rows = secured.audit();
@@ -234,7 +285,11 @@ fn pymodbus_reads_and_commands_as_its_role_says() {
         ["modbus-security nobody", "not_allowed", "refused"],
         ["modbus-security plc", "other_owner", "refused"],
     ] {
-        assert!(rows.iter().any(|row| parts.iter().all(|part| row.contains(part))), "{parts:?} in {rows:#?}");
+        assert!(
+            rows.iter()
+                .any(|row| parts.iter().all(|part| row.contains(part))),
+            "{parts:?} in {rows:#?}"
+        );
     }
 }
 
@@ -243,16 +298,30 @@ fn openssl_finds_1_2_and_1_3_and_nothing_weaker() {
     let secured = Secured::new();
     for (version, name) in [("-tls1_2", "TLSv1.2"), ("-tls1_3", "TLSv1.3")] {
         let (is_content, text) = secured.openssl(Some("panel"), &[version]);
-        assert!(is_content && text.contains("Verify return code: 0 (ok)") && text.contains(name), "{text}");
+        assert!(
+            is_content && text.contains("Verify return code: 0 (ok)") && text.contains(name),
+            "{text}"
+        );
     }
     for args in [
         ["-tls1_1", "-cipher", "DEFAULT@SECLEVEL=0"],
         ["-tls1_2", "-cipher", "AES128-GCM-SHA256:AES256-GCM-SHA384"],
-        ["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-SHA256:ECDHE-ECDSA-AES128-SHA"],
-        ["-tls1_2", "-cipher", "ECDHE-ECDSA-AES128-CCM:ECDHE-ECDSA-AES128-CCM8"],
+        [
+            "-tls1_2",
+            "-cipher",
+            "ECDHE-ECDSA-AES128-SHA256:ECDHE-ECDSA-AES128-SHA",
+        ],
+        [
+            "-tls1_2",
+            "-cipher",
+            "ECDHE-ECDSA-AES128-CCM:ECDHE-ECDSA-AES128-CCM8",
+        ],
     ] {
         let (is_content, text) = secured.openssl(Some("panel"), &args);
-        assert!(!is_content && text.contains("alert handshake failure"), "{args:?}: {text}");
+        assert!(
+            !is_content && text.contains("alert handshake failure"),
+            "{args:?}: {text}"
+        );
     }
 }
 
@@ -273,8 +342,15 @@ fn anyone_who_has_no_certificate_that_counts_is_not_let_in() {
         }
     }
     let why = "failed: the client presented no certificate";
-    secured.gateway.wait_for("why", |line| (line.contains("TLS handshake") && line.contains(why)).then_some(()));
-    assert!(secured.gateway.find_all(|line| line.contains("secure connection").then_some(())).is_empty());
+    secured.gateway.wait_for("why", |line| {
+        (line.contains("TLS handshake") && line.contains(why)).then_some(())
+    });
+    assert!(
+        secured
+            .gateway
+            .find_all(|line| line.contains("secure connection").then_some(()))
+            .is_empty()
+    );
 }
 
 #[test]
@@ -282,14 +358,19 @@ fn clients_that_stall_hold_up_nobody() {
     let secured = Secured::new();
     let mut plain = Raw::connect(secured.address);
     plain.send(&[0, 1, 0, 0, 0, 6, 101, 3, 0, 0, 0, 1]);
-    secured
-        .gateway
-        .wait_for("that this is no TLS", |line| line.contains("failed: the client does not speak TLS").then_some(()));
-    let stalled: Vec<_> = (0..100).map(|_| TcpStream::connect(secured.address).unwrap()).collect();
+    secured.gateway.wait_for("that this is no TLS", |line| {
+        line.contains("failed: the client does not speak TLS")
+            .then_some(())
+    });
+    let stalled: Vec<_> = (0..100)
+        .map(|_| TcpStream::connect(secured.address).unwrap())
+        .collect();
     assert!(secured.client("panel", "127.0.0.1").read(0)["words"].is_array());
     // All of them are gone in time: the first because others came, the last because it took too long.
     for mut stream in stalled {
-        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
         match stream.read(&mut [0]) {
             Ok(0) => {}
             Err(error) if error.kind() == ErrorKind::ConnectionReset => {}
@@ -315,10 +396,16 @@ fn a_reload_takes_new_certificates_and_keeps_whom_it_still_trusts() {
     assert_ne!(serial(), before);
     assert!(panel.read(0)["words"].is_array(), "it stays");
 
-    let (key, good) = (secured.tls.join("gateway.key"), std::fs::read(secured.tls.join("gateway.key")).unwrap());
+    let (key, good) = (
+        secured.tls.join("gateway.key"),
+        std::fs::read(secured.tls.join("gateway.key")).unwrap(),
+    );
     std::fs::write(&key, "no key").unwrap();
     let told = secured.reload();
-    assert!(told.contains("gateway.key: it contains no private key"), "{told}");
+    assert!(
+        told.contains("gateway.key: it contains no private key"),
+        "{told}"
+    );
     assert!(panel.read(0)["words"].is_array(), "nothing has changed");
     std::fs::write(&key, good).unwrap();
 
@@ -335,9 +422,14 @@ fn certificates_that_cannot_be_read_are_named_at_the_start() {
     std::fs::create_dir(place.file("data")).unwrap();
     let file = place.write("gateway.toml", &configuration(&place));
     let output = vfd_gateway(&["run", "-c", file.to_str().unwrap()]);
-    let text = [output.stdout, output.stderr].map(|it| String::from_utf8_lossy(&it).into_owned()).concat();
+    let text = [output.stdout, output.stderr]
+        .map(|it| String::from_utf8_lossy(&it).into_owned())
+        .concat();
     assert!(!output.status.success(), "{text}");
     for name in ["gateway.pem", "gateway.key", "clients.pem"] {
-        assert!(text.contains(&format!("/tls/{name}: No such file")), "{name}: {text}");
+        assert!(
+            text.contains(&format!("/tls/{name}: No such file")),
+            "{name}: {text}"
+        );
     }
 }

@@ -36,7 +36,9 @@ impl Person {
              it.textContent.trim().startsWith(label)); if (!found) return false; found.dataset.tap = ''; \
              found.scrollIntoView({{ block: 'center' }}); return true"
         );
-        until(&format!("{label} can be tapped"), PATIENCE, || (self.browser.script(&mark) == true).then_some(()));
+        until(&format!("{label} can be tapped"), PATIENCE, || {
+            (self.browser.script(&mark) == true).then_some(())
+        });
         self.browser.click("[data-tap]");
         self.taps += 1;
     }
@@ -54,7 +56,8 @@ impl Person {
              return label ? label.htmlFor : null"
         );
         let id = self.browser.script(&script);
-        self.browser.fill(&format!("[id='{}']", id.as_str().unwrap()), text);
+        self.browser
+            .fill(&format!("[id='{}']", id.as_str().unwrap()), text);
         self.texts += 1;
     }
 
@@ -62,7 +65,10 @@ impl Person {
     fn wait_for_step(&self, title: &str, within: Duration) {
         let heading = "return document.querySelector('#setup h3')?.textContent ?? ''";
         until(title, within, || {
-            let (found, wrong) = (self.browser.script(heading), self.text(".wrong[role=alert]"));
+            let (found, wrong) = (
+                self.browser.script(heading),
+                self.text(".wrong[role=alert]"),
+            );
             assert_eq!(wrong, "", "{found}");
             found.as_str().unwrap().starts_with(title).then_some(())
         });
@@ -71,7 +77,9 @@ impl Person {
     }
 
     fn text(&self, css: &str) -> String {
-        let found = self.browser.script(&format!("return document.querySelector('#setup {css}')?.textContent ?? ''"));
+        let found = self.browser.script(&format!(
+            "return document.querySelector('#setup {css}')?.textContent ?? ''"
+        ));
         found.as_str().unwrap().to_owned()
     }
 
@@ -105,7 +113,10 @@ fn set_up(drives: usize, is_known: bool) -> Person {
     let before = site.text();
     let mut person = at_the_panel(&site);
     person.wait_for_step("Which port", PATIENCE);
-    person.browser.fill("#setup input[aria-label^='Path']", yard.port.to_str().unwrap());
+    person.browser.fill(
+        "#setup input[aria-label^='Path']",
+        yard.port.to_str().unwrap(),
+    );
     person.fill("Stations to ask", &format!("1-{drives}"));
     if is_known {
         let choose = "const speed = document.querySelector(\"#setup select[aria-label='Speed']\"); speed.value = '9600'; \
@@ -126,14 +137,25 @@ fn set_up(drives: usize, is_known: bool) -> Person {
     choose_rules(&mut person);
     person.tap("Check");
     person.wait_for_step("This will be added", PATIENCE);
-    assert!(person.text(".added").contains("[line.drive.control]"), "{}", person.text(".added"));
+    assert!(
+        person.text(".added").contains("[line.drive.control]"),
+        "{}",
+        person.text(".added")
+    );
     let Person { taps, texts, .. } = person;
     a_drive_that_is_left_out_stays_so_under_another_name(&mut person);
-    assert_eq!(site.text(), before, "nothing is written before it is wanted");
+    assert_eq!(
+        site.text(),
+        before,
+        "nothing is written before it is wanted"
+    );
     person.tap("Apply");
     person.wait_for_step("It is in force", PATIENCE);
     let seconds = line_time.as_secs_f64();
-    println!("{} taps and {texts} texts; {seconds:.1} s from the scan's begin to its end", taps + 1);
+    println!(
+        "{} taps and {texts} texts; {seconds:.1} s from the scan's begin to its end",
+        taps + 1
+    );
     assert!(site.text().starts_with(&before), "{}", site.text());
     they_are_served(&site, &person, drives);
     rules_are_chosen_anew(&mut person);
@@ -144,14 +166,22 @@ fn set_up(drives: usize, is_known: bool) -> Person {
 fn at_the_panel(site: &Site) -> Person {
     let browser = browser_at(site.http);
     browser.resize(Window::PHONE);
-    assert!(!browser.is_seen("#tab-setup"), "for users with the role for it alone");
+    assert!(
+        !browser.is_seen("#tab-setup"),
+        "for users with the role for it alone"
+    );
     sign_in(&browser, PASSWORD);
     browser.wait("document.querySelector('#tab-setup').checkVisibility()");
     browser.wait("document.querySelector('#none').checkVisibility()");
     load_axe(&browser);
     browser.click("#tab-setup");
     // The port is typed: one of a simulated line is in no list.
-    Person { browser, taps: 1, texts: 1, picture: None }
+    Person {
+        browser,
+        taps: 1,
+        texts: 1,
+        picture: None,
+    }
 }
 
 fn choose_models(person: &mut Person) {
@@ -165,16 +195,27 @@ fn choose_models(person: &mut Person) {
         let label = person.browser.script(&script);
         person.tap_in(&part, label.as_str().unwrap());
     }
-    person.tap_in("#setup section[aria-label='Station 1']", "What does the panel show?");
-    person.browser.wait("document.querySelectorAll(\"#setup section[aria-label='Station 1'] dd\").length > 2");
-    person.browser.script("document.querySelector('#setup h3').scrollIntoView()");
+    person.tap_in(
+        "#setup section[aria-label='Station 1']",
+        "What does the panel show?",
+    );
+    person.browser.wait(
+        "document.querySelectorAll(\"#setup section[aria-label='Station 1'] dd\").length > 2",
+    );
+    person
+        .browser
+        .script("document.querySelector('#setup h3').scrollIntoView()");
     person.picture = Some(person.browser.picture());
 }
 
 fn choose_rules(person: &mut Person) {
     person.fill("Name of the line", "hall-1");
     person.tap("Check");
-    assert!(person.text(".wrong[role=alert]").contains("whether the drives may be commanded"));
+    assert!(
+        person
+            .text(".wrong[role=alert]")
+            .contains("whether the drives may be commanded")
+    );
     person.tap("They may be commanded");
     person.tap("This page");
     person.fill("Lowest frequency, Hz", "5");
@@ -198,7 +239,10 @@ fn a_drive_that_is_left_out_stays_so_under_another_name(person: &mut Person) {
     person.tap("Check");
     person.wait_for_step("This will be added", PATIENCE);
     let (added, all) = (person.text(".added"), person.text(".stage"));
-    let of_drive = added.split("[[line.drive]]").find(|part| part.contains("\"pump-2\"")).unwrap();
+    let of_drive = added
+        .split("[[line.drive]]")
+        .find(|part| part.contains("\"pump-2\""))
+        .unwrap();
     assert!(!of_drive.contains("[line.drive.control]"), "{added}");
     assert!(all.contains("Only watched, not commandedpump-2"), "{all}");
 }
@@ -210,7 +254,13 @@ fn rules_are_chosen_anew(person: &mut Person) {
     person.tap("Give it control");
     person.wait_for_step("Who may command pump-2?", PATIENCE);
     person.tap("Check");
-    assert!(person.text(".wrong[role=alert]").contains("Choose from where"), "{}", person.text(".wrong[role=alert]"));
+    assert!(
+        person
+            .text(".wrong[role=alert]")
+            .contains("Choose from where"),
+        "{}",
+        person.text(".wrong[role=alert]")
+    );
 }
 
 /// The gateway reads and offers all of them, and says whether one is set to obey it.
@@ -218,17 +268,31 @@ fn they_are_served(site: &Site, person: &Person, drives: usize) {
     let anna = site.signed_in("anna");
     until("the drives show values", PATIENCE, || {
         let state = anna.get("/api/v1/state").json();
-        let read = state["drives"].as_array()?.iter().filter(|drive| drive["output_frequency_hz"].is_number()).count();
+        let read = state["drives"]
+            .as_array()?
+            .iter()
+            .filter(|drive| drive["output_frequency_hz"].is_number())
+            .count();
         (read == drives).then_some(())
     });
     let lines = anna.get("/api/v1/setup").json()["lines"].clone();
     let listed = lines[0]["drives"].as_array().unwrap();
-    assert!(listed.iter().any(|drive: &Value| drive["is_controlled"] == true), "{}", site.text());
+    assert!(
+        listed
+            .iter()
+            .any(|drive: &Value| drive["is_controlled"] == true),
+        "{}",
+        site.text()
+    );
     let part = "#setup section[aria-label='drive-1']";
     person.browser.click(&format!("{part} button"));
-    person.browser.wait(&format!("document.querySelector(\"{part} .scroll p\") !== null"));
+    person.browser.wait(&format!(
+        "document.querySelector(\"{part} .scroll p\") !== null"
+    ));
     assert_eq!(barriers(&person.browser), json!([]), "verified");
     let rows = "return document.querySelectorAll('#drives .drive').length";
-    until("the page shows them", PATIENCE, || (person.browser.script(rows) == drives).then_some(()));
+    until("the page shows them", PATIENCE, || {
+        (person.browser.script(rows) == drives).then_some(())
+    });
     assert_eq!(person.browser.complaints(), Vec::<String>::new());
 }

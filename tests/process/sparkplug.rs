@@ -15,11 +15,17 @@ const SPARKPLUG: &str = "[mqtt.sparkplug]\ngroup = \"plant-a\"\nprimary_host = \
 /// A plant whose drive takes commands from a host, with these keys of `[mqtt]`.
 fn plant(mqtt: &str) -> Plant {
     let mqtt = format!("{mqtt}\n{SPARKPLUG}");
-    Plant::with(Wish { mqtt: &mqtt, from: ", \"sparkplug\"", ..Wish::default() })
+    Plant::with(Wish {
+        mqtt: &mqtt,
+        from: ", \"sparkplug\"",
+        ..Wish::default()
+    })
 }
 
 fn number(value: &Value) -> u64 {
-    value.as_u64().unwrap_or_else(|| panic!("no number: {value}"))
+    value
+        .as_u64()
+        .unwrap_or_else(|| panic!("no number: {value}"))
 }
 
 /// Whether numbers run on without a gap from each NBIRTH, and each NDEATH has the number of the birth before it.
@@ -37,14 +43,22 @@ pub fn assert_sequence(seen: &[Value]) -> Vec<u64> {
                 continue;
             }
             "NDEATH" => {
-                assert_eq!((&message["seq"], metrics(message).len()), (&Value::Null, 1), "{message}");
+                assert_eq!(
+                    (&message["seq"], metrics(message).len()),
+                    (&Value::Null, 1),
+                    "{message}"
+                );
                 continue;
             }
             _ => {}
         }
         // Of what came before this host was there, it has seen no birth.
         let Some(expected) = next else { continue };
-        assert_eq!((number(&message["seq"]), &message["qos"]), (expected, &json!(0)), "{message}");
+        assert_eq!(
+            (number(&message["seq"]), &message["qos"]),
+            (expected, &json!(0)),
+            "{message}"
+        );
         next = Some((expected + 1) % 256);
     }
     sessions
@@ -56,18 +70,31 @@ fn a_host_finds_the_gateway_and_its_drive_with_names_types_units_and_limits() {
         let plant = plant(&format!("version = {version}"));
         let scada = Scada::online(&plant.broker, version);
         let node = scada.wait_for_kind("NBIRTH", 0);
-        assert_eq!((&node["node"], &node["bdseq"], &node["seq"]), (&json!("plant"), &json!(0), &json!(0)));
+        assert_eq!(
+            (&node["node"], &node["bdseq"], &node["seq"]),
+            (&json!("plant"), &json!(0), &json!(0))
+        );
         assert_eq!(metric(&node, "Node Control/Rebirth")["value"], false);
         assert_eq!(metric(&node, "line/hall-1/status")["value"], "up");
         let drive = scada.wait_for_kind("DBIRTH", 0);
-        assert_eq!((&drive["device"], &drive["seq"]), (&json!("pump-1"), &json!(1)));
+        assert_eq!(
+            (&drive["device"], &drive["seq"]),
+            (&json!("pump-1"), &json!(1))
+        );
         let output = metric(&drive, "frequency/output");
-        assert_eq!((&output["type"], &output["properties"]["engUnit"]), (&json!("Double"), &json!("Hz")));
+        assert_eq!(
+            (&output["type"], &output["properties"]["engUnit"]),
+            (&json!("Double"), &json!("Hz"))
+        );
         assert!(output["properties"]["Quality"].is_u64(), "{output}");
         let input = metric(&drive, "frequency/set");
         let of_input = &input["properties"];
         assert_eq!(
-            (&of_input["engLow"], &of_input["engHigh"], &of_input["readOnly"]),
+            (
+                &of_input["engLow"],
+                &of_input["engHigh"],
+                &of_input["readOnly"]
+            ),
             (&json!(5), &json!(50), &json!(false))
         );
         // What was not read yet when the drive was born comes as data.
@@ -75,9 +102,17 @@ fn a_host_finds_the_gateway_and_its_drive_with_names_types_units_and_limits() {
         scada.wait_for_value("run/state", &"stopped".into(), 0);
         // An N700 counts its trips and does not say whether one holds.
         let trip = metric(&drive, "trip/active");
-        assert_eq!((&trip["type"], &trip["value"]), (&json!("Boolean"), &Value::Null));
+        assert_eq!(
+            (&trip["type"], &trip["value"]),
+            (&json!("Boolean"), &Value::Null)
+        );
         assert_eq!(metric(&drive, "Properties/model")["value"], "hyundai-n700");
-        assert!(metrics(&drive).iter().all(|it| it["alias"].is_u64() && it["at"].is_u64()), "{drive}");
+        assert!(
+            metrics(&drive)
+                .iter()
+                .all(|it| it["alias"].is_u64() && it["at"].is_u64()),
+            "{drive}"
+        );
         assert_sequence(&scada.seen());
         for metric in metrics(&node).iter().chain(metrics(&drive)) {
             assert_is_documented(metric);
@@ -95,7 +130,9 @@ fn assert_is_documented(metric: &Value) {
         ["line", _, "status"] => "line/LINE/status",
         _ => name,
     };
-    let has_it = guide.lines().any(|line| line.starts_with("| `") && line.contains(&format!("`{name}`")));
+    let has_it = guide
+        .lines()
+        .any(|line| line.starts_with("| `") && line.contains(&format!("`{name}`")));
     assert!(has_it, "docs/sparkplug.md has no {name}");
 }
 
@@ -120,8 +157,15 @@ fn a_host_commands_the_drive_sees_its_outcome_and_stops_it_by_dying() {
     let seen = scada.seen().len();
     scada.write(&json!([{ "name": "frequency/set", "type": "Double", "value": 70.0 }]));
     scada.wait_for("the limits", seen, |message| {
-        let says = |it: &Value| it["value"].as_str().is_some_and(|it| it.contains("limits of 5.00 to 50.00 Hz"));
-        metrics(message).iter().any(|it| it["name"] == "result/message" && says(it)).then_some(())
+        let says = |it: &Value| {
+            it["value"]
+                .as_str()
+                .is_some_and(|it| it.contains("limits of 5.00 to 50.00 Hz"))
+        };
+        metrics(message)
+            .iter()
+            .any(|it| it["name"] == "result/message" && says(it))
+            .then_some(())
     });
     scada.write_text("run/set", "stop");
     plant.wait_until_it_stands();
@@ -146,7 +190,10 @@ fn what_is_retained_or_old_or_no_command_moves_nothing() {
     let forward = json!([{ "name": "run/set", "type": "String", "value": "forward" }]);
     let order = |more: Value| {
         let mut order = json!({ "to": "DCMD/plant/pump-1", "metrics": forward });
-        order.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        order
+            .as_object_mut()
+            .unwrap()
+            .extend(more.as_object().unwrap().clone());
         let seen = scada.seen().len();
         scada.say(&order);
         seen
@@ -156,8 +203,14 @@ fn what_is_retained_or_old_or_no_command_moves_nothing() {
     scada.wait_for_reason("clock_ahead", order(json!({ "age_ms": -61_000 })));
     let unknown = json!([{ "name": "run/sett", "type": "String", "value": "forward" }]);
     scada.wait_for_reason("not_understood", order(json!({ "metrics": unknown })));
-    assert_eq!(plant.metric("vfd_gateway_sparkplug_refused_retained_total"), 1.0);
-    assert_eq!(plant.metric("vfd_gateway_sparkplug_refused_stale_total"), 2.0);
+    assert_eq!(
+        plant.metric("vfd_gateway_sparkplug_refused_retained_total"),
+        1.0
+    );
+    assert_eq!(
+        plant.metric("vfd_gateway_sparkplug_refused_stale_total"),
+        2.0
+    );
     plant.assert_nothing_was_written_since(0);
 }
 
@@ -169,7 +222,11 @@ fn births_come_again_when_they_are_asked_for_and_after_a_drive_was_away() {
     let seen = scada.seen().len();
     scada.ask_for_births();
     let node = scada.wait_for_kind("NBIRTH", seen);
-    assert_eq!((&node["seq"], &node["bdseq"]), (&json!(0), &json!(0)), "the same connection");
+    assert_eq!(
+        (&node["seq"], &node["bdseq"]),
+        (&json!(0), &json!(0)),
+        "the same connection"
+    );
     scada.wait_for_kind("DBIRTH", seen);
     plant.silence_the_drive();
     scada.wait_for_kind("DDEATH", seen);
@@ -191,7 +248,10 @@ fn a_primary_host_that_goes_offline_is_left_and_waited_for() {
     scada.wait_for_kind("DBIRTH", seen);
     assert!(scada.seen().iter().all(|it| it["kind"] != "NDEATH"));
     let seen = scada.seen().len();
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_millis() as u64;
+    let now = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap()
+        .as_millis() as u64;
     scada.say(&json!({ "state": false, "at": now }));
     let death = scada.wait_for_kind("NDEATH", seen);
     assert_eq!((&death["bdseq"], &death["qos"]), (&json!(0), &json!(1)));
@@ -200,7 +260,10 @@ fn a_primary_host_that_goes_offline_is_left_and_waited_for() {
     });
     let health: Value = serde_json::from_str(&plant.get("/api/v1/health").unwrap().1).unwrap();
     assert_eq!(
-        (&health["sparkplug"]["connected"], &health["sparkplug"]["host_awaited"]),
+        (
+            &health["sparkplug"]["connected"],
+            &health["sparkplug"]["host_awaited"]
+        ),
         (&json!(false), &json!(true))
     );
     let seen = scada.seen().len();
@@ -238,7 +301,9 @@ fn kill(plant: &mut Plant, kills: usize) {
             let before = refusals(plant);
             plant.broker.kill();
             // One that is back before anybody has missed it, again and again, looks like a rival with our identifier.
-            until("the broker is missed", PATIENCE, || (refusals(plant) > before).then_some(()));
+            until("the broker is missed", PATIENCE, || {
+                (refusals(plant) > before).then_some(())
+            });
             plant.broker.start_again();
         }
     }
@@ -248,7 +313,9 @@ fn kill(plant: &mut Plant, kills: usize) {
 
 #[test]
 fn numbers_are_right_over_kills_of_the_broker_and_a_restart_of_the_gateway() {
-    let kills = std::env::var(KILLS.0).ok().map_or(KILLS.1, |kills| kills.parse().expect("a number"));
+    let kills = std::env::var(KILLS.0)
+        .ok()
+        .map_or(KILLS.1, |kills| kills.parse().expect("a number"));
     let mut plant = plant("");
     kill(&mut plant, kills);
     plant.gateway.kill();
@@ -260,7 +327,10 @@ fn numbers_are_right_over_kills_of_the_broker_and_a_restart_of_the_gateway() {
     plant.gateway.terminate();
     plant.gateway.end_within(PATIENCE);
     let death = scada.wait_for_kind("NDEATH", seen);
-    assert_eq!(death["bdseq"], birth["bdseq"], "an orderly end says farewell");
+    assert_eq!(
+        death["bdseq"], birth["bdseq"],
+        "an orderly end says farewell"
+    );
 }
 
 #[test]
@@ -270,7 +340,10 @@ fn a_gateway_that_is_killed_is_buried_by_the_broker_with_the_number_of_its_birth
     scada.wait_for_kind("DBIRTH", 0);
     plant.gateway.kill();
     let death = scada.wait_for_kind("NDEATH", 0);
-    assert_eq!((&death["bdseq"], &death["qos"], &death["retain"]), (&json!(0), &json!(1), &json!(false)));
+    assert_eq!(
+        (&death["bdseq"], &death["qos"], &death["retain"]),
+        (&json!(0), &json!(1), &json!(false))
+    );
 }
 
 #[test]
@@ -286,7 +359,9 @@ fn a_trip_and_values_of_an_outage_are_reported_as_history_in_order() {
     let mut before = 0.0;
     until("the standstill waits as well", PATIENCE, || {
         let (_, text) = plant.get("/metrics")?;
-        let output = text.lines().find(|line| line.starts_with("vfd_gateway_drive_output_frequency_hertz{"))?;
+        let output = text
+            .lines()
+            .find(|line| line.starts_with("vfd_gateway_drive_output_frequency_hertz{"))?;
         let stands = output.ends_with(" 0.0") || output.ends_with(" 0");
         let waiting = plant.metric("vfd_gateway_sparkplug_history_waiting");
         let is_all = waiting > 5.0 && std::mem::replace(&mut before, waiting) == waiting;
@@ -302,7 +377,10 @@ fn a_trip_and_values_of_an_outage_are_reported_as_history_in_order() {
         }
         (moments.last()?.1 == 0.0).then_some(())
     });
-    assert!(moments.len() > 2 && moments.is_sorted_by_key(|(at, _)| *at), "{moments:?}");
+    assert!(
+        moments.len() > 2 && moments.is_sorted_by_key(|(at, _)| *at),
+        "{moments:?}"
+    );
     assert_sequence(&scada.seen());
 }
 
@@ -322,14 +400,23 @@ fn check_says_what_is_reported_and_what_is_wrong() {
         let file = place.write("gateway.toml", text);
         let output = super::rig::vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
         let said = [output.stdout, output.stderr].concat();
-        (output.status.code(), String::from_utf8_lossy(&said).into_owned())
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&said).into_owned(),
+        )
     };
     let (code, said) = check(&text(SPARKPLUG, "data_dir = \"/var/lib/vfd-gateway\""));
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("edge node plant of group plant-a; births wait for the primary host scada"), "{said}");
+    assert!(
+        said.contains("edge node plant of group plant-a; births wait for the primary host scada"),
+        "{said}"
+    );
     let (code, said) = check(&text(SPARKPLUG, ""));
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("bdSeq") && said.contains("`data_dir` in `[gateway]`"), "{said}");
+    assert!(
+        said.contains("bdSeq") && said.contains("`data_dir` in `[gateway]`"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -23,7 +23,10 @@ impl StandIn {
     pub fn new(words: &[(u16, u16)]) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        let unit = Arc::new(Mutex::new(Unit { words: words.iter().copied().collect(), ..Unit::default() }));
+        let unit = Arc::new(Mutex::new(Unit {
+            words: words.iter().copied().collect(),
+            ..Unit::default()
+        }));
         let served = Arc::clone(&unit);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
@@ -67,10 +70,17 @@ impl Unit {
         let (function, address, second) = (pdu[0], number(1), number(3));
         match function {
             3 => {
-                let words: Option<Vec<u16>> = (0..second).map(|at| self.words.get(&(address + at)).copied()).collect();
-                let Some(words) = words else { return vec![0x83, 2] };
+                let words: Option<Vec<u16>> = (0..second)
+                    .map(|at| self.words.get(&(address + at)).copied())
+                    .collect();
+                let Some(words) = words else {
+                    return vec![0x83, 2];
+                };
                 let bytes = words.iter().flat_map(|word| word.to_be_bytes());
-                [3, u8::try_from(words.len() * 2).unwrap()].into_iter().chain(bytes).collect()
+                [3, u8::try_from(words.len() * 2).unwrap()]
+                    .into_iter()
+                    .chain(bytes)
+                    .collect()
             }
             6 => match self.refused.get(&address) {
                 Some(code) => vec![0x86, *code],

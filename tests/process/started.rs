@@ -72,7 +72,11 @@ impl End {
     fn new(pipe: OwnedFd) -> Self {
         // The flag is that of this end alone: whoever writes still waits for room.
         fcntl_setfl(&pipe, fcntl_getfl(&pipe).unwrap() | OFlags::NONBLOCK).unwrap();
-        Self { pipe, rest: Vec::new(), is_open: true }
+        Self {
+            pipe,
+            rest: Vec::new(),
+            is_open: true,
+        }
     }
 
     fn take_what_is_there(&mut self, lines: &mut Vec<String>) {
@@ -123,23 +127,54 @@ impl Started {
 
     fn with_input(mut command: Command, input: Stdio) -> Self {
         let name = command.get_program().to_string_lossy().into_owned();
-        command.stdin(input).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
+        command
+            .stdin(input)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = command
+            .spawn()
+            .unwrap_or_else(|error| panic!("cannot start {name}: {error}; run tests/run"));
         let output = Arc::new(Output::default());
-        collect([child.stdout.take().unwrap().into(), child.stderr.take().unwrap().into()], &output);
+        collect(
+            [
+                child.stdout.take().unwrap().into(),
+                child.stderr.take().unwrap().into(),
+            ],
+            &output,
+        );
         let input = child.stdin.take();
-        Self { name, child, input, output }
+        Self {
+            name,
+            child,
+            input,
+            output,
+        }
     }
 
     /// Starts `command` before a reader that takes one line of its output and leaves, as `head` does.
     pub fn before_a_reader_that_leaves(mut command: Command) -> (Self, String) {
         let name = command.get_program().to_string_lossy().into_owned();
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().unwrap_or_else(|error| panic!("cannot start {name}: {error}"));
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = command
+            .spawn()
+            .unwrap_or_else(|error| panic!("cannot start {name}: {error}"));
         let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
         drop(child.stderr.take());
-        (Self { name, child, input: None, output: Arc::default() }, line)
+        (
+            Self {
+                name,
+                child,
+                input: None,
+                output: Arc::default(),
+            },
+            line,
+        )
     }
 
     /// Waits for a line of which `found` makes something, and returns that.
@@ -152,7 +187,11 @@ impl Started {
 
     /// Waits for a line behind `seen` others of which `found` makes something; nothing if none comes, at the latest when
     /// nobody is left who could say it.
-    pub fn look_for<T>(&self, mut seen: usize, mut found: impl FnMut(&str) -> Option<T>) -> Option<T> {
+    pub fn look_for<T>(
+        &self,
+        mut seen: usize,
+        mut found: impl FnMut(&str) -> Option<T>,
+    ) -> Option<T> {
         let until = Instant::now() + PATIENCE;
         let mut said = self.output.so_far();
         loop {
@@ -175,7 +214,12 @@ impl Started {
 
     /// What `found` makes of the lines so far.
     pub fn find_all<T>(&self, found: impl FnMut(&String) -> Option<T>) -> Vec<T> {
-        self.output.so_far().lines.iter().filter_map(found).collect()
+        self.output
+            .so_far()
+            .lines
+            .iter()
+            .filter_map(found)
+            .collect()
     }
 
     /// Presses the keys of `text` and Enter.
@@ -207,8 +251,17 @@ impl Started {
     /// The same, with a last line that has no end yet.
     pub fn text_so_far(&self) -> String {
         let said = self.output.so_far();
-        let rests = said.ends.iter().map(|end| text(&end.rest)).filter(|rest| !rest.is_empty());
-        said.lines.iter().cloned().chain(rests).collect::<Vec<_>>().join("\n")
+        let rests = said
+            .ends
+            .iter()
+            .map(|end| text(&end.rest))
+            .filter(|rest| !rest.is_empty());
+        said.lines
+            .iter()
+            .cloned()
+            .chain(rests)
+            .collect::<Vec<_>>()
+            .join("\n")
     }
 
     /// Whether the program has ended.
@@ -235,7 +288,14 @@ impl Started {
     /// The shell's own `kill` needs neither a package nor unsafe code.
     pub fn signal(&self, signal: &str) {
         let kill = format!("kill -{signal} {}", self.child.id());
-        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success(), "{kill}");
+        assert!(
+            Command::new("sh")
+                .args(["-c", &kill])
+                .status()
+                .unwrap()
+                .success(),
+            "{kill}"
+        );
     }
 
     /// Waits for the end of the program.
@@ -245,7 +305,12 @@ impl Started {
             if let Some(status) = self.child.try_wait().unwrap() {
                 return status;
             }
-            assert!(Instant::now() < until, "{} still runs after {within:?}; it said:\n{}", self.name, self.text());
+            assert!(
+                Instant::now() < until,
+                "{} still runs after {within:?}; it said:\n{}",
+                self.name,
+                self.text()
+            );
             std::thread::sleep(Duration::from_millis(5));
         }
     }
@@ -266,8 +331,19 @@ fn collect(pipes: [OwnedFd; 2], output: &Arc<Output>) {
     let output = Arc::clone(output);
     std::thread::spawn(move || {
         loop {
-            let is_open: Vec<_> = output.said.lock().unwrap().ends.iter().map(|end| end.is_open).collect();
-            let open = watched.iter().zip(&is_open).filter(|(_, is_open)| **is_open).map(|(pipe, _)| pipe);
+            let is_open: Vec<_> = output
+                .said
+                .lock()
+                .unwrap()
+                .ends
+                .iter()
+                .map(|end| end.is_open)
+                .collect();
+            let open = watched
+                .iter()
+                .zip(&is_open)
+                .filter(|(_, is_open)| **is_open)
+                .map(|(pipe, _)| pipe);
             let mut open: Vec<_> = open.map(|pipe| PollFd::new(pipe, PollFlags::IN)).collect();
             if open.is_empty() {
                 break;

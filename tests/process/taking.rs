@@ -34,7 +34,10 @@ impl Neighbour {
         let socat = Started::new(socat);
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         let client = until("socat listens", PATIENCE, || Raw::try_connect(address));
-        Self { client, _socat: socat }
+        Self {
+            client,
+            _socat: socat,
+        }
     }
 }
 
@@ -61,7 +64,9 @@ fn control_passes_on_while_the_motor_turns_and_the_journal_names_everybody() {
     plant.run_over_modbus(&mut first);
     plant.wait_until_it_turns();
     let seen = plant.written().len();
-    until("the picture shows who holds control", PATIENCE, || (owner(second) == ANOTHER).then_some(()));
+    until("the picture shows who holds control", PATIENCE, || {
+        (owner(second) == ANOTHER).then_some(())
+    });
     assert_refused(second, 3100);
 
     assert_eq!(second.write(UNIFORM, 256, 6), Ok(()));
@@ -71,17 +76,39 @@ fn control_passes_on_while_the_motor_turns_and_the_journal_names_everybody() {
     assert_eq!(plant.written().len(), seen, "nobody wrote to the drive");
     assert_eq!(second.write(UNIFORM, 257, 3300), Ok(()));
 
-    plant.broker.publish("vfd/plant/by/bob/drive/pump-1/control/take", "take");
+    plant
+        .broker
+        .publish("vfd/plant/by/bob/drive/pump-1/control/take", "take");
     subscriber.wait_for_payload("control/owner", "mqtt bob");
     assert_eq!((owner(second), owner(&mut first)), (ON_MQTT, ON_MQTT));
     assert_refused(second, 3400);
-    let state = subscriber.wait_for("pump-1/state", |it| serde_json::from_str::<Value>(&it.payload).ok());
-    assert!(state["capabilities"].as_array().unwrap().contains(&"take".into()), "{state}");
+    let state = subscriber.wait_for("pump-1/state", |it| {
+        serde_json::from_str::<Value>(&it.payload).ok()
+    });
+    assert!(
+        state["capabilities"]
+            .as_array()
+            .unwrap()
+            .contains(&"take".into()),
+        "{state}"
+    );
 
     // A person takes it, stays, and stops it.
     let port = plant.modbus.port().to_string();
-    let mut person = start(&["write", "--host", "127.0.0.1", "--port", &port, "--unit", "101", "run", "take"]);
-    person.wait_for("that it holds control", |line| line.contains("until Ctrl-C").then_some(()));
+    let mut person = start(&[
+        "write",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        &port,
+        "--unit",
+        "101",
+        "run",
+        "take",
+    ]);
+    person.wait_for("that it holds control", |line| {
+        line.contains("until Ctrl-C").then_some(())
+    });
     subscriber.wait_for_payload("control/owner", "modbus-tcp 127.0.0.1");
     assert!(plant.output() > Some(200));
     person.interrupt();
@@ -94,12 +121,27 @@ fn control_passes_on_while_the_motor_turns_and_the_journal_names_everybody() {
 fn assert_journal_names_everybody(plant: &Plant) {
     let data = plant.place.file("data");
     let read = |more: &[&str]| {
-        let said = vfd_gateway(&[&["journal", "audit", "--data-dir", data.to_str().unwrap()], more].concat());
+        let said = vfd_gateway(
+            &[
+                &["journal", "audit", "--data-dir", data.to_str().unwrap()],
+                more,
+            ]
+            .concat(),
+        );
         String::from_utf8(said.stdout).unwrap()
     };
-    let rows: Vec<Value> = read(&["--json"]).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    let leases: Vec<_> = rows.iter().filter(|row| row["kind"] == "lease").map(|row| row["body"].clone()).collect();
-    let told = |body: &Value| ["state", "by", "from"].map(|key| body[key].as_str().unwrap_or("").to_owned());
+    let rows: Vec<Value> = read(&["--json"])
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let leases: Vec<_> = rows
+        .iter()
+        .filter(|row| row["kind"] == "lease")
+        .map(|row| row["body"].clone())
+        .collect();
+    let told = |body: &Value| {
+        ["state", "by", "from"].map(|key| body[key].as_str().unwrap_or("").to_owned())
+    };
     let (one, two, bob) = ("modbus-tcp 127.0.0.1", "modbus-tcp 127.0.0.2", "mqtt bob");
     let right = [
         ["opened", one, ""],
@@ -108,9 +150,16 @@ fn assert_journal_names_everybody(plant: &Plant) {
         ["taken_over", one, bob],
         ["ended", one, ""],
     ];
-    assert_eq!(leases.iter().map(told).collect::<Vec<_>>(), right.map(|row| row.map(str::to_owned)));
-    let holders = rows.iter().filter(|row| row["body"]["reason"] == "other_owner");
-    let holders: Vec<_> = holders.map(|row| row["body"]["holder"].as_str().unwrap().to_owned()).collect();
+    assert_eq!(
+        leases.iter().map(told).collect::<Vec<_>>(),
+        right.map(|row| row.map(str::to_owned))
+    );
+    let holders = rows
+        .iter()
+        .filter(|row| row["body"]["reason"] == "other_owner");
+    let holders: Vec<_> = holders
+        .map(|row| row["body"]["holder"].as_str().unwrap().to_owned())
+        .collect();
     assert_eq!(holders, [one, two, bob]);
     let words = read(&[]);
     for said in [
@@ -125,12 +174,33 @@ fn assert_journal_names_everybody(plant: &Plant) {
 
 #[test]
 fn a_person_is_informed_that_there_is_nothing_to_take() {
-    let plant = Plant::with(Wish { control: "allow_take = true\n", ..Wish::default() });
+    let plant = Plant::with(Wish {
+        control: "allow_take = true\n",
+        ..Wish::default()
+    });
     let port = plant.modbus.port().to_string();
     let mut take = program();
-    take.args(["write", "--host", "127.0.0.1", "--port", &port, "--unit", "101", "run", "take"]);
+    take.args([
+        "write",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        &port,
+        "--unit",
+        "101",
+        "run",
+        "take",
+    ]);
     let said = take.output().unwrap();
-    assert_eq!(said.status.code(), Some(0), "{}", String::from_utf8_lossy(&said.stderr));
-    assert!(String::from_utf8_lossy(&said.stdout).contains("nothing to hold"), "{said:?}");
+    assert_eq!(
+        said.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&said.stderr)
+    );
+    assert!(
+        String::from_utf8_lossy(&said.stdout).contains("nothing to hold"),
+        "{said:?}"
+    );
     assert_eq!(plant.written(), []);
 }

@@ -39,25 +39,40 @@ fn an_adapter_that_comes_and_goes_leaks_nothing_and_is_back_within_a_second() {
         } else {
             adapter.pull_out();
         }
-        until("the line is down", Duration::from_secs(1), || (client.read(F010, 1) == Err(0x0A)).then_some(()));
+        until("the line is down", Duration::from_secs(1), || {
+            (client.read(F010, 1) == Err(0x0A)).then_some(())
+        });
         adapter.plug_in();
-        let words = until("the drive is back", Duration::from_secs(1), || client.read(F010, 1).ok());
+        let words = until("the drive is back", Duration::from_secs(1), || {
+            client.read(F010, 1).ok()
+        });
         assert_eq!(words, [3]);
     }
     // The clients that came and went are closed a moment later.
-    until("no more descriptors than before", PATIENCE, || (self::descriptors(&gateway) <= descriptors).then_some(()));
+    until("no more descriptors than before", PATIENCE, || {
+        (self::descriptors(&gateway) <= descriptors).then_some(())
+    });
 }
 
 #[test]
 fn a_device_that_is_away_is_reported_once() {
     let (_place, mut adapter, gateway) = plugged_in();
     adapter.pull_out();
-    gateway.program.wait_for("that the line is down", |line| (message(line)? == "line down").then_some(()));
+    gateway.program.wait_for("that the line is down", |line| {
+        (message(line)? == "line down").then_some(())
+    });
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(told(&gateway, "line down"), 1, "{}", gateway.program.text());
-    assert_eq!(told(&gateway, "cannot open the port; retrying"), 1, "{}", gateway.program.text());
+    assert_eq!(
+        told(&gateway, "cannot open the port; retrying"),
+        1,
+        "{}",
+        gateway.program.text()
+    );
     adapter.plug_in();
-    until("the line is up again", PATIENCE, || (told(&gateway, "line up") == 2).then_some(()));
+    until("the line is up again", PATIENCE, || {
+        (told(&gateway, "line up") == 2).then_some(())
+    });
 }
 
 /// Two programs, one device, two names for it.
@@ -70,12 +85,17 @@ fn a_second_gateway_is_informed_who_has_the_device_and_the_first_is_undisturbed(
     let mut first = gateway(&place, &one);
     first.wait_for_drive();
     let second = gateway_with(&place, &other, "reads_renew = false");
-    let refusal = second.program.wait_for("that the device is in use", |line| {
-        let fields = fields(line)?;
-        let is_refusal = fields["message"] == "cannot open the port; retrying";
-        is_refusal.then(|| fields["error"].as_str().map(str::to_owned))?
-    });
-    let holder = format!("line test of the vfd-gateway that is process {}", first.program.id());
+    let refusal = second
+        .program
+        .wait_for("that the device is in use", |line| {
+            let fields = fields(line)?;
+            let is_refusal = fields["message"] == "cannot open the port; retrying";
+            is_refusal.then(|| fields["error"].as_str().map(str::to_owned))?
+        });
+    let holder = format!(
+        "line test of the vfd-gateway that is process {}",
+        first.program.id()
+    );
     assert!(refusal.contains(&holder), "{refusal}");
     let mut client = Raw::connect(first.address);
     for _ in 0..20 {
@@ -86,7 +106,9 @@ fn a_second_gateway_is_informed_who_has_the_device_and_the_first_is_undisturbed(
     first.program.terminate();
     assert!(first.program.end_within(PATIENCE).success());
     let mut client = Raw::connect(second.address);
-    until("the second has the device", Duration::from_secs(2), || client.read(F010, 1).ok());
+    until("the second has the device", Duration::from_secs(2), || {
+        client.read(F010, 1).ok()
+    });
 }
 
 #[test]
@@ -99,7 +121,12 @@ fn the_lock_of_a_gateway_that_was_killed_holds_nobody_up() {
     first.program.kill();
     let second = gateway(&place, &port);
     second.wait_for_drive();
-    assert_eq!(told(&second, "cannot open the port; retrying"), 0, "{}", second.program.text());
+    assert_eq!(
+        told(&second, "cannot open the port; retrying"),
+        0,
+        "{}",
+        second.program.text()
+    );
 }
 
 #[test]
@@ -115,15 +142,25 @@ fn one_device_under_two_names_serves_one_line_of_a_gateway() {
             port.display()
         )
     };
-    let text = line("hall-1", &one, 1) + &line("hall-2", &other, 2) + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
+    let text = line("hall-1", &one, 1)
+        + &line("hall-2", &other, 2)
+        + "[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n";
     let file = place.write("two.toml", &text);
     let gateway = start(&["run", "-c", file.to_str().unwrap()]);
-    let (line, error) = gateway.wait_for("that the device is in use by another line of it", |line| {
-        let fields = fields(line)?;
-        let error = fields["error"].as_str().filter(|error| error.contains("of this gateway"))?.to_owned();
-        Some((fields["line"].as_str()?.to_owned(), error))
-    });
-    let holder = if line == "hall-1" { "line hall-2 of this gateway" } else { "line hall-1 of this gateway" };
+    let (line, error) =
+        gateway.wait_for("that the device is in use by another line of it", |line| {
+            let fields = fields(line)?;
+            let error = fields["error"]
+                .as_str()
+                .filter(|error| error.contains("of this gateway"))?
+                .to_owned();
+            Some((fields["line"].as_str()?.to_owned(), error))
+        });
+    let holder = if line == "hall-1" {
+        "line hall-2 of this gateway"
+    } else {
+        "line hall-1 of this gateway"
+    };
     assert!(error.contains(holder), "{line}: {error}");
 }
 
@@ -153,9 +190,14 @@ fn message(line: &str) -> Option<String> {
 
 /// How often the log has said `message`.
 fn told(gateway: &Gateway, wanted: &str) -> usize {
-    gateway.program.find_all(|line| message(line).filter(|it| it == wanted)).len()
+    gateway
+        .program
+        .find_all(|line| message(line).filter(|it| it == wanted))
+        .len()
 }
 
 fn descriptors(gateway: &Gateway) -> usize {
-    std::fs::read_dir(format!("/proc/{}/fd", gateway.program.id())).unwrap().count()
+    std::fs::read_dir(format!("/proc/{}/fd", gateway.program.id()))
+        .unwrap()
+        .count()
 }

@@ -2,14 +2,20 @@
 //! stop it is that a hand is on.
 
 use super::chromium::{Browser, Window};
-use super::looking::{LOST_AFTER, PASSWORD, Shop, assert_no_program_words, in_card, mark, sign_in, start_forward};
+use super::looking::{
+    LOST_AFTER, PASSWORD, Shop, assert_no_program_words, in_card, mark, sign_in, start_forward,
+};
 use super::rig::vfd_gateway;
 use super::started::{PATIENCE, until};
 use serde_json::{Value, json};
 
 /// As long as a name may be.
 const LONG: &str = "Umwaelzpumpe-Heizkreis-Sued-Gebaeude-7-Keller-Raum-012-Anlage-0A";
-const WIDE: Window = Window { width: 1440, height: 900, is_dark: false };
+const WIDE: Window = Window {
+    width: 1440,
+    height: 900,
+    is_dark: false,
+};
 
 fn control(shop: &Shop) -> Value {
     let state: Value = serde_json::from_str(&shop.get("/api/v1/state").unwrap()).unwrap();
@@ -30,9 +36,15 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     // The tab is there, and shows that it is refused for as long as its lease lasts.
     browser.wait_for_text(&in_card(".owner"), "its renewals are refused");
     let owner = browser.text(&in_card(".owner"));
-    assert!(!owner.contains("order") && !owner.contains("renewed every"), "{owner}");
+    assert!(
+        !owner.contains("order") && !owner.contains("renewed every"),
+        "{owner}"
+    );
     let told = browser.text(&in_card(".unseen-run"));
-    assert!(told.contains("forward 10.00 Hz") && told.contains("Go to the drive"), "{told}");
+    assert!(
+        told.contains("forward 10.00 Hz") && told.contains("Go to the drive"),
+        "{told}"
+    );
     let largest = "const card = document.querySelector('#drive-pump-1'); const size = (it) => parseFloat(getComputedStyle(it).fontSize); \
                    const all = [...card.querySelectorAll('*')].filter((it) => it.checkVisibility() && [...it.childNodes].some((part) => \
                    part.nodeType === 3 && part.data.trim() !== '')); all.sort((one, other) => size(other) - size(one)); \
@@ -46,16 +58,33 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     assert_eq!(control(&shop)["failsafe"]["cause"], "out_of_reach");
     browser.wait("document.querySelector('#advice').textContent.includes('nothing was sent yet')");
     let advice = browser.text("#advice");
-    assert!(!advice.contains("commander was lost") && !advice.contains("carried out"), "{advice}");
+    assert!(
+        !advice.contains("commander was lost") && !advice.contains("carried out"),
+        "{advice}"
+    );
     browser.wait_for_text(&in_card(".unseen-run"), "fail-safe action due, not sent");
     browser.wait_for_text("#counts [data-state='may_still_run']", "1 may still run");
     assert_no_program_words(&browser);
     let health = vfd_gateway(&["health", "-c", shop.file.to_str().unwrap()]);
     let health = String::from_utf8_lossy(&health.stdout).into_owned();
-    assert!(health.contains("drive pump-1 MAY STILL RUN: last seen forward at 10.00 Hz, "), "{health}");
-    assert!(health.contains("the declared action (stop) is due"), "{health}");
-    assert_ne!(vfd_gateway(&["health", "-c", shop.file.to_str().unwrap()]).status.code(), Some(0));
-    for (window, is_there) in [(Window::PHONE, "innerWidth === 390"), (WIDE, "innerWidth > 1000")] {
+    assert!(
+        health.contains("drive pump-1 MAY STILL RUN: last seen forward at 10.00 Hz, "),
+        "{health}"
+    );
+    assert!(
+        health.contains("the declared action (stop) is due"),
+        "{health}"
+    );
+    assert_ne!(
+        vfd_gateway(&["health", "-c", shop.file.to_str().unwrap()])
+            .status
+            .code(),
+        Some(0)
+    );
+    for (window, is_there) in [
+        (Window::PHONE, "innerWidth === 390"),
+        (WIDE, "innerWidth > 1000"),
+    ] {
         browser.resize(window);
         browser.wait(is_there);
         assert_fits(&browser, ".unseen-run");
@@ -71,14 +100,29 @@ fn a_motor_whose_cable_is_pulled_may_still_run_until_a_person_has_looked() {
     browser.wait("!document.querySelector('#drive-pump-1 .unseen-run').checkVisibility()");
     assert_eq!(control(&shop)["stop_pending"], true, "it cancels nothing");
     until("the audit has it", PATIENCE, || {
-        let audit = vfd_gateway(&["journal", "audit", "-c", shop.file.to_str().unwrap(), "--json"]);
+        let audit = vfd_gateway(&[
+            "journal",
+            "audit",
+            "-c",
+            shop.file.to_str().unwrap(),
+            "--json",
+        ]);
         let audit = String::from_utf8_lossy(&audit.stdout).into_owned();
-        let is_there = |words: &[&str]| audit.lines().any(|row| words.iter().all(|word| row.contains(word)));
-        (is_there(&["standstill_confirmed", "page anna"]) && is_there(&["failsafe", "out_of_reach", "due"]))
-            .then_some(())
+        let is_there = |words: &[&str]| {
+            audit
+                .lines()
+                .any(|row| words.iter().all(|word| row.contains(word)))
+        };
+        (is_there(&["standstill_confirmed", "page anna"])
+            && is_there(&["failsafe", "out_of_reach", "due"]))
+        .then_some(())
     });
     // The browser tells of each renewal that is refused.
-    let others: Vec<_> = browser.complaints().into_iter().filter(|it| !it.contains("/lease - ")).collect();
+    let others: Vec<_> = browser
+        .complaints()
+        .into_iter()
+        .filter(|it| !it.contains("/lease - "))
+        .collect();
     assert_eq!(others, Vec::<String>::new());
 }
 
@@ -96,7 +140,9 @@ fn assert_each_problem_is_reached(browser: &Browser) {
     while browser.script(&format!("{below} return below > 0")) == true {
         let before = browser.script("return document.querySelector('#advice').scrollTop");
         browser.click(".below");
-        browser.wait(&format!("document.querySelector('#advice').scrollTop > {before}"));
+        browser.wait(&format!(
+            "document.querySelector('#advice').scrollTop > {before}"
+        ));
     }
     browser.wait("!document.querySelector('.below').checkVisibility()");
 }
@@ -118,7 +164,8 @@ fn a_pending_stop_is_told_until_it_has_acted(browser: &Browser) {
     let (result, marks) = (told[0].as_str().unwrap(), told[1].as_str().unwrap());
     assert!(result.contains("has taken effect"), "{told}");
     assert!(
-        marks.contains("output 60.00 Hz is not as ordered, limits") && marks.contains("stopped elsewhere"),
+        marks.contains("output 60.00 Hz is not as ordered, limits")
+            && marks.contains("stopped elsewhere"),
         "{told}"
     );
 }
@@ -149,12 +196,16 @@ fn the_whole_name_is_beside_what_acts_however_long_it_is() {
          name.scrollHeight <= name.clientHeight, stop.top >= 0 && stop.bottom <= innerHeight]"
     );
     let whole = json!([LONG, true, true, true, true]);
-    for (window, is_there) in
-        [(WIDE, "innerWidth > 1000"), (Window::PHONE, "innerWidth === 390"), (Window::NARROW, "innerWidth === 360")]
-    {
+    for (window, is_there) in [
+        (WIDE, "innerWidth > 1000"),
+        (Window::PHONE, "innerWidth === 390"),
+        (Window::NARROW, "innerWidth === 360"),
+    ] {
         browser.resize(window);
         browser.wait(is_there);
-        browser.script(&format!("document.getElementById('{id}').scrollIntoView({{ block: 'center' }})"));
+        browser.script(&format!(
+            "document.getElementById('{id}').scrollIntoView({{ block: 'center' }})"
+        ));
         assert_eq!(browser.script(&in_sight), whole, "beside STOP");
         for part in [".drive h3", ".drive .state", ".stop", ".hold .face"] {
             assert_fits_if_seen(&browser, part);
@@ -163,9 +214,13 @@ fn the_whole_name_is_beside_what_acts_however_long_it_is() {
     }
     // On a phone a drive is opened over the page; its name stays however far that is scrolled.
     browser.script(&format!("location.hash = '#{id}'"));
-    browser.wait(&format!("document.getElementById('{id}').classList.contains('whole')"));
+    browser.wait(&format!(
+        "document.getElementById('{id}').classList.contains('whole')"
+    ));
     for scrolled in [0, 10_000] {
-        browser.script(&format!("document.getElementById('{id}').scrollTop = {scrolled}"));
+        browser.script(&format!(
+            "document.getElementById('{id}').scrollTop = {scrolled}"
+        ));
         assert_eq!(browser.script(&in_sight), whole, "in the dialog");
     }
     browser.script("location.hash = '#drives-title'");
@@ -179,8 +234,9 @@ fn the_whole_name_is_beside_what_acts_however_long_it_is() {
 }
 
 fn assert_fits_if_seen(browser: &Browser, css: &str) {
-    if browser.script(&format!("return [...document.querySelectorAll({css:?})].some((it) => it.checkVisibility())"))
-        == true
+    if browser.script(&format!(
+        "return [...document.querySelectorAll({css:?})].some((it) => it.checkVisibility())"
+    )) == true
     {
         assert_fits(browser, css);
     }

@@ -49,24 +49,41 @@ impl Plant {
             let fields = fields(line)?;
             (fields["message"] == "Modbus TCP").then(|| fields["address"].as_str()?.parse().ok())?
         });
-        Self { _gateway: gateway, modbus, drive, _cable: cable, broker, _place: place }
+        Self {
+            _gateway: gateway,
+            modbus,
+            drive,
+            _cable: cable,
+            broker,
+            _place: place,
+        }
     }
 
     /// What the drive heard, in its own words.
     fn heard(&self) -> Vec<Value> {
-        let heard = |line: &String| serde_json::from_str(line).ok().filter(|it: &Value| it.get("heard").is_some());
+        let heard = |line: &String| {
+            serde_json::from_str(line)
+                .ok()
+                .filter(|it: &Value| it.get("heard").is_some())
+        };
         self.drive.find_all(heard)
     }
 
     /// Waits until the drive was asked for all these registers, those that are polled by the hour among them.
     fn wait_until_read(&self, registers: &BTreeSet<u64>) {
-        until(&format!("{registers:04X?} are read"), PATIENCE, || self.read().is_superset(registers).then_some(()));
+        until(&format!("{registers:04X?} are read"), PATIENCE, || {
+            self.read().is_superset(registers).then_some(())
+        });
     }
 
     /// Every register that the drive was asked for.
     fn read(&self) -> BTreeSet<u64> {
         let span = |it: &Value| Some((it["address"].as_u64()?, it["count"].as_u64()?));
-        self.heard().iter().filter_map(span).flat_map(|(first, count)| first..first + count).collect()
+        self.heard()
+            .iter()
+            .filter_map(span)
+            .flat_map(|(first, count)| first..first + count)
+            .collect()
     }
 
     /// What was written to the drive. A stop is repeated where its effect shows late, so repeats count once.
@@ -84,7 +101,11 @@ impl Plant {
 
     /// What the drive refused, its reasons with it.
     fn refused(&self) -> Vec<Value> {
-        let refused = |line: &String| serde_json::from_str(line).ok().filter(|it: &Value| it.get("refused").is_some());
+        let refused = |line: &String| {
+            serde_json::from_str(line)
+                .ok()
+                .filter(|it: &Value| it.get("refused").is_some())
+        };
         self.drive.find_all(refused)
     }
 
@@ -97,16 +118,26 @@ impl Plant {
     fn ask_to_write(&self, request: &str) {
         until(&format!("{request} is taken"), PATIENCE, || {
             let answer = self.ask(request);
-            assert!(answer.get("exception").is_none_or(|code| *code == 6), "{request}: {answer}");
+            assert!(
+                answer.get("exception").is_none_or(|code| *code == 6),
+                "{request}: {answer}"
+            );
             answer.get("exception").is_none().then_some(())
         });
     }
 
     /// A pymodbus client's loop test at `unit` comes back, and it is the drive that has heard it.
     fn echoes(&self, unit: u8) {
-        assert_eq!(self.ask(&format!("loop:{unit}:0:0xA537")), json!({"words": [0xA537]}));
-        let is_test = |it: &Value| it["heard"] == 8 && it["station"] == unit && it["words"] == json!([0xA537]);
-        until("the drive has heard the loop test", PATIENCE, || self.heard().iter().any(is_test).then_some(()));
+        assert_eq!(
+            self.ask(&format!("loop:{unit}:0:0xA537")),
+            json!({"words": [0xA537]})
+        );
+        let is_test = |it: &Value| {
+            it["heard"] == 8 && it["station"] == unit && it["words"] == json!([0xA537])
+        };
+        until("the drive has heard the loop test", PATIENCE, || {
+            self.heard().iter().any(is_test).then_some(())
+        });
     }
 
     /// Publishes a command that names the present epoch, until it is not too soon for it, and waits for its good end.
@@ -114,7 +145,8 @@ impl Plant {
         let mut tries = 0;
         until(&format!("{id} is taken"), PATIENCE, || {
             tries += 1;
-            let state: Value = serde_json::from_str(&subscriber.on("fan/state").last()?.payload).ok()?;
+            let state: Value =
+                serde_json::from_str(&subscriber.on("fan/state").last()?.payload).ok()?;
             let (id, epoch) = (format!("{id}-{tries}"), state["control"]["epoch"].as_u64()?);
             let order = format!(r#"{{"id": "{id}", "epoch": {epoch}, {rest}}}"#);
             self.broker.publish("vfd/plant/drive/fan/command", &order);
@@ -131,13 +163,22 @@ impl Plant {
         let (port, unit) = (self.modbus.port().to_string(), unit.to_string());
         let mut command = Command::new("mbpoll");
         command.args(["-0", "-1", "-t", "4", "-o", "6", "-a", &unit, "-p", &port]);
-        mbpoll_output(command.args(["-r", &first.to_string(), "-c", &count.to_string(), "127.0.0.1"])).values
+        mbpoll_output(command.args([
+            "-r",
+            &first.to_string(),
+            "-c",
+            &count.to_string(),
+            "127.0.0.1",
+        ]))
+        .values
     }
 }
 
 /// Waits until word `at` of the uniform `unit` is `word`.
 fn waits_for(client: &mut Raw, unit: u8, at: u16, word: u16) {
-    until(&format!("word {at} is {word}"), PATIENCE, || (client.read_unit(unit, at, 1).ok()? == [word]).then_some(()));
+    until(&format!("word {at} is {word}"), PATIENCE, || {
+        (client.read_unit(unit, at, 1).ok()? == [word]).then_some(())
+    });
 }
 
 /// Words of the uniform map, typed from `docs/modbus-tcp.md`, and states of one of them.
@@ -163,10 +204,18 @@ const E510_FREQUENCY: u64 = 0x2502;
 
 #[test]
 fn an_ascii_drive_obeys_a_controller_and_echoes_its_loop_test() {
-    let mut plant = Plant::new("e510", "teco-e510", 7, "framing = \"ascii\"", "\"basic\", \"reverse\", \"reset\"");
+    let mut plant = Plant::new(
+        "e510",
+        "teco-e510",
+        7,
+        "framing = \"ascii\"",
+        "\"basic\", \"reverse\", \"reset\"",
+    );
     let mut client = Raw::connect(plant.modbus);
     waits_until_polled_in_full(&mut client, 107);
-    let polled = [0x0002, 0x0005, 0x0906, 0x0907, 0x0D00, 0x0D01].into_iter().chain(0x2520..0x2528);
+    let polled = [0x0002, 0x0005, 0x0906, 0x0907, 0x0D00, 0x0D01]
+        .into_iter()
+        .chain(0x2520..0x2528);
     plant.wait_until_read(&polled.collect());
     waits_for(&mut client, 107, RUN_STATE, STOPPED);
     assert_eq!(plant.written(), [], "nothing is written before a command");
@@ -188,16 +237,28 @@ fn an_ascii_drive_obeys_a_controller_and_echoes_its_loop_test() {
     assert_eq!(plant.ask("read:7:0x2520:19"), json!({"words": native}));
     plant.echoes(7);
     assert_eq!(plant.refused(), Vec::<Value>::new());
-    assert_eq!(plant.ask("read:7:0x2540:1"), json!({"exception": 0x52}), "the drive's own code");
-    let refused = until("the drive tells what it refused", PATIENCE, || plant.refused().pop());
-    assert_eq!(refused, json!({"refused": 3, "station": 7, "exception": 0x52}));
+    assert_eq!(
+        plant.ask("read:7:0x2540:1"),
+        json!({"exception": 0x52}),
+        "the drive's own code"
+    );
+    let refused = until("the drive tells what it refused", PATIENCE, || {
+        plant.refused().pop()
+    });
+    assert_eq!(
+        refused,
+        json!({"refused": 3, "station": 7, "exception": 0x52})
+    );
 
     plant.ask_to_write("write:107:257:2000");
     waits_for(&mut client, 107, OUTPUT, 2000);
     plant.ask_to_write("write:107:256:0");
     waits_for(&mut client, 107, OUTPUT, 0);
     waits_for(&mut client, 107, RUN_STATE, STOPPED);
-    assert_eq!(plant.written()[2..], [(6, E510_FREQUENCY, vec![2000]), (6, E510_RUN, vec![0])]);
+    assert_eq!(
+        plant.written()[2..],
+        [(6, E510_FREQUENCY, vec![2000]), (6, E510_RUN, vec![0])]
+    );
 
     plant.ask_to_write("write:107:256:2,3000");
     waits_for(&mut client, 107, RUN_STATE, REVERSE);
@@ -209,7 +270,13 @@ fn an_ascii_drive_obeys_a_controller_and_echoes_its_loop_test() {
     plant.ask_to_write("write:107:256:4");
     waits_for(&mut client, 107, RUN_STATE, STOPPED);
     waits_for(&mut client, 107, TRIP_CODE, 0);
-    assert!(plant.written().ends_with(&[0, 8, 0].map(|word| (6, E510_RUN, vec![word]))), "{:?}", plant.written());
+    assert!(
+        plant
+            .written()
+            .ends_with(&[0, 8, 0].map(|word| (6, E510_RUN, vec![word]))),
+        "{:?}",
+        plant.written()
+    );
     assert_eq!(plant.refused().len(), 1, "{:?}", plant.refused());
 
     // Nobody answers for a drive that is silent.
@@ -223,18 +290,32 @@ const FR500A_FREQUENCY: u64 = 0x2001;
 
 #[test]
 fn a_drive_with_numbers_for_commands_obeys_a_broker() {
-    let mut plant = Plant::new("fr500a", "frecon-fr500a", 5, "baud = 9600\nparity = \"none\"\nstop_bits = 2", "");
+    let mut plant = Plant::new(
+        "fr500a",
+        "frecon-fr500a",
+        5,
+        "baud = 9600\nparity = \"none\"\nstop_bits = 2",
+        "",
+    );
     let subscriber = Subscriber::new(&plant.broker, "mqttv5", "vfd/plant/#");
     let mut client = Raw::connect(plant.modbus);
     waits_until_polled_in_full(&mut client, 105);
-    let parameters = [0x0014, 0x0015, 0x0016, 0x0017, 0x0101, 0x0200, 0x0B0B, 0x0F03];
-    let monitors = [0x2100, 0x2101, 0x3017, 0x301B, 0x301F].into_iter().chain(0x3000..0x3008);
+    let parameters = [
+        0x0014, 0x0015, 0x0016, 0x0017, 0x0101, 0x0200, 0x0B0B, 0x0F03,
+    ];
+    let monitors = [0x2100, 0x2101, 0x3017, 0x301B, 0x301F]
+        .into_iter()
+        .chain(0x3000..0x3008);
     let polled: BTreeSet<u64> = parameters.into_iter().chain(monitors).collect();
     plant.wait_until_read(&polled);
     subscriber.wait_for_payload("run/state", "stopped");
     assert_eq!(plant.written(), [], "nothing is written before a command");
 
-    plant.command(&subscriber, "first", r#""run": "forward", "frequency_hz": 30"#);
+    plant.command(
+        &subscriber,
+        "first",
+        r#""run": "forward", "frequency_hz": 30"#,
+    );
     subscriber.wait_for_payload("run/state", "forward");
     for (topic, payload) in [
         ("frequency/output", "30.00"),
@@ -250,7 +331,10 @@ fn a_drive_with_numbers_for_commands_obeys_a_broker() {
     ] {
         subscriber.wait_for_payload(topic, payload);
     }
-    assert_eq!(plant.written(), [(6, FR500A_FREQUENCY, vec![3000]), (6, FR500A_RUN, vec![1])]);
+    assert_eq!(
+        plant.written(),
+        [(6, FR500A_FREQUENCY, vec![3000]), (6, FR500A_RUN, vec![1])]
+    );
 
     // The drive gives 8 words at once at most.
     let mut native = vec![3000, 3000, 2400, 52, 15, 900, 565, 3000];
@@ -264,19 +348,37 @@ fn a_drive_with_numbers_for_commands_obeys_a_broker() {
     waits_for(&mut client, 105, RUN_STATE, STOPPED);
     assert_eq!(plant.written()[2..], [(6, FR500A_RUN, vec![5])]);
 
-    plant.command(&subscriber, "second", r#""run": "reverse", "frequency_hz": 20"#);
+    plant.command(
+        &subscriber,
+        "second",
+        r#""run": "reverse", "frequency_hz": 20"#,
+    );
     subscriber.wait_for_payload("run/state", "reverse");
     waits_for(&mut client, 105, OUTPUT, 2000);
-    assert_eq!(plant.written()[3..], [(6, FR500A_FREQUENCY, vec![2000]), (6, FR500A_RUN, vec![2])]);
+    assert_eq!(
+        plant.written()[3..],
+        [(6, FR500A_FREQUENCY, vec![2000]), (6, FR500A_RUN, vec![2])]
+    );
     plant.drive.type_line("trip 8");
     subscriber.wait_for_payload("run/state", "tripped");
-    let last = subscriber.wait_for("trip/last", |it| serde_json::from_str::<Value>(&it.payload).ok());
-    assert_eq!((&last["code"], &last["text"]), (&json!(8), &json!("short circuit")));
-    let record =
-        ["trip_frequency", "trip_current", "trip_dc_voltage"].map(|name| last["values"][name]["value"].as_f64());
+    let last = subscriber.wait_for("trip/last", |it| {
+        serde_json::from_str::<Value>(&it.payload).ok()
+    });
+    assert_eq!(
+        (&last["code"], &last["text"]),
+        (&json!(8), &json!("short circuit"))
+    );
+    let record = ["trip_frequency", "trip_current", "trip_dc_voltage"]
+        .map(|name| last["values"][name]["value"].as_f64());
     assert_eq!(record, [20.0, 9.9, 612.0].map(Some));
     plant.command(&subscriber, "third", r#""reset": true"#);
     waits_for(&mut client, 105, RUN_STATE, STOPPED);
-    assert!(plant.written().ends_with(&[5, 7].map(|word| (6, FR500A_RUN, vec![word]))), "{:?}", plant.written());
+    assert!(
+        plant
+            .written()
+            .ends_with(&[5, 7].map(|word| (6, FR500A_RUN, vec![word]))),
+        "{:?}",
+        plant.written()
+    );
     assert_eq!(plant.refused(), Vec::<Value>::new());
 }

@@ -41,7 +41,12 @@ pub struct Family {
 }
 
 const fn link(baud: u32, parity: Parity, stop_bits: u8) -> LinkSettings {
-    LinkSettings { baud, data_bits: 8, parity, stop_bits }
+    LinkSettings {
+        baud,
+        data_bits: 8,
+        parity,
+        stop_bits,
+    }
 }
 
 #[rustfmt::skip]
@@ -80,7 +85,11 @@ impl Drive {
         let model = Arc::clone(catalog.find(family.model).expect("the model is built in"));
         let mut bus = SimBus::new(family.link, BusOptions::default(), 1);
         let ramp = Duration::from_secs(1);
-        let options = DriveOptions { acceleration: ramp, deceleration: ramp, ..DriveOptions::default() };
+        let options = DriveOptions {
+            acceleration: ramp,
+            deceleration: ramp,
+            ..DriveOptions::default()
+        };
         bus.connect(STATION, SimDrive::new(model, options));
         let mut pty = Pty::new().expect("a pseudo-terminal");
         let port = place.file(family.name);
@@ -88,7 +97,11 @@ impl Drive {
         let seen = Arc::new(Seen::default());
         let ours = Arc::clone(&seen);
         let player = std::thread::spawn(move || {
-            let line = Watched { pty: &pty, seen: &ours, family };
+            let line = Watched {
+                pty: &pty,
+                seen: &ours,
+                family,
+            };
             simulator::play(line, &mut bus, &ours.end, |bus, now| {
                 let drive = bus.drive_mut(STATION).expect("the drive");
                 ours.output.store(drive.output(now), Ordering::SeqCst);
@@ -105,7 +118,12 @@ impl Drive {
             })
             .expect("the line is played");
         });
-        Self { family, port, seen, player: Some(player) }
+        Self {
+            family,
+            port,
+            seen,
+            player: Some(player),
+        }
     }
 
     /// Waits until everything is read that was sent to the drive up to this moment. Nobody may be at its port.
@@ -113,7 +131,9 @@ impl Drive {
         let heard = || self.seen.marks.load(Ordering::SeqCst);
         let before = heard();
         terminal(&self.port).write_all(&MARK).unwrap();
-        until("the drive has heard everything", PATIENCE, || (heard() > before).then_some(()));
+        until("the drive has heard everything", PATIENCE, || {
+            (heard() > before).then_some(())
+        });
     }
 
     pub fn trip(&self) {
@@ -122,7 +142,9 @@ impl Drive {
 
     /// How many trips there were, when all have happened.
     pub fn trips(&self) -> u64 {
-        until("the trips have happened", PATIENCE, || (self.seen.to_trip.load(Ordering::SeqCst) == 0).then_some(()));
+        until("the trips have happened", PATIENCE, || {
+            (self.seen.to_trip.load(Ordering::SeqCst) == 0).then_some(())
+        });
         self.seen.trips.load(Ordering::SeqCst).into()
     }
 
@@ -134,13 +156,18 @@ impl Drive {
     /// How many words that run were written.
     pub fn runs(&self) -> usize {
         let runs = self.seen.runs.lock().unwrap();
-        runs.iter().filter(|(_, word)| (self.family.runs)(*word)).count()
+        runs.iter()
+            .filter(|(_, word)| (self.family.runs)(*word))
+            .count()
     }
 
     /// The words that run and were written between two moments.
     pub fn runs_between(&self, from: Instant, to: Instant) -> Vec<(Instant, u16)> {
         let runs = self.seen.runs.lock().unwrap();
-        runs.iter().copied().filter(|(at, word)| (from..to).contains(at) && (self.family.runs)(*word)).collect()
+        runs.iter()
+            .copied()
+            .filter(|(at, word)| (from..to).contains(at) && (self.family.runs)(*word))
+            .collect()
     }
 }
 
@@ -148,7 +175,10 @@ impl Drop for Drive {
     fn drop(&mut self) {
         self.seen.end.store(true, Ordering::Relaxed);
         let ended = self.player.take().map(JoinHandle::join);
-        assert!(std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()), "the player failed");
+        assert!(
+            std::thread::panicking() || ended.is_none_or(|ended| ended.is_ok()),
+            "the player failed"
+        );
     }
 }
 
@@ -188,7 +218,11 @@ fn written(frame: &[u8], register: u16) -> Option<u16> {
         0x06 if number(2)? == register => number(4),
         0x10 => {
             let place = usize::from(register.checked_sub(number(2)?)?);
-            if place < usize::from(number(4)?) { number(7 + 2 * place) } else { None }
+            if place < usize::from(number(4)?) {
+                number(7 + 2 * place)
+            } else {
+                None
+            }
         }
         _ => None,
     }
@@ -207,9 +241,23 @@ pub fn configuration<'f>(
         place.file("data").display()
     );
     for (unit, family) in (1..).zip(families) {
-        let Family { name, model, link, unproven, keys, .. } = family;
-        let unproven: Vec<_> = unproven.iter().map(|action| format!("\"{action}\"")).collect();
-        let parity = if link.parity == Parity::Even { "even" } else { "none" };
+        let Family {
+            name,
+            model,
+            link,
+            unproven,
+            keys,
+            ..
+        } = family;
+        let unproven: Vec<_> = unproven
+            .iter()
+            .map(|action| format!("\"{action}\""))
+            .collect();
+        let parity = if link.parity == Parity::Even {
+            "even"
+        } else {
+            "none"
+        };
         write!(
             text,
             "\n[[line]]\nname = \"{name}\"\nport = \"{}\"\nbaud = {}\nparity = \"{parity}\"\nstop_bits = {}\n\n\

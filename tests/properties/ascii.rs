@@ -11,7 +11,9 @@ use vfd_gateway::wire::pdu::{Reply, Request, encode_read_reply};
 /// The reply with `words` of `station`; bit n of `lower` makes its nth character lower case.
 fn reply(station: u8, words: &[u16], lower: u64) -> Vec<u8> {
     let mut adu = Vec::new();
-    ascii::encode(&mut adu, station, |out| encode_read_reply(out, Table::Holding, words));
+    ascii::encode(&mut adu, station, |out| {
+        encode_read_reply(out, Table::Holding, words)
+    });
     adu.iter_mut()
         .enumerate()
         .filter(|(n, _)| lower >> (n % 64) & 1 == 1)
@@ -26,12 +28,16 @@ fn words() -> impl Strategy<Value = Vec<u16>> {
 /// What lines are full of: hexadecimal text with starts and ends in it, or anything.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
     let text = prop::sample::select(b"0123456789ABCDEFabcdef::\r\n".as_slice());
-    prop_oneof![prop::collection::vec(text, 0..=256), prop::collection::vec(any::<u8>(), 0..=256)]
+    prop_oneof![
+        prop::collection::vec(text, 0..=256),
+        prop::collection::vec(any::<u8>(), 0..=256)
+    ]
 }
 
 /// Whether a sound frame ends somewhere in `bytes`: an LRC is right by chance once in 256 times.
 fn has_a_frame(bytes: &[u8]) -> bool {
-    (0..bytes.len()).any(|start| (start..=bytes.len()).any(|end| ascii::decode(&bytes[start..end]).is_some()))
+    (0..bytes.len())
+        .any(|start| (start..=bytes.len()).any(|end| ascii::decode(&bytes[start..end]).is_some()))
 }
 
 /// All that is found in `chunks`, and what is left.

@@ -115,11 +115,20 @@ proptest! {
 
 fn request() -> impl Strategy<Value = Request> {
     prop_oneof![
-        (any::<u16>(), any::<u16>()).prop_map(|(address, count)| Request::Read { address: address.into(), count }),
-        (any::<u16>(), any::<u16>())
-            .prop_map(|(address, value)| Request::WriteSingle { address: address.into(), value }),
+        (any::<u16>(), any::<u16>()).prop_map(|(address, count)| Request::Read {
+            address: address.into(),
+            count
+        }),
+        (any::<u16>(), any::<u16>()).prop_map(|(address, value)| Request::WriteSingle {
+            address: address.into(),
+            value
+        }),
         any::<u16>().prop_map(|data| Request::Loopback { data }),
-        (any::<u16>(), prop::collection::vec(any::<u16>(), 1..=123))
-            .prop_map(|(address, values)| Request::WriteMultiple { address: address.into(), values }),
+        (any::<u16>(), prop::collection::vec(any::<u16>(), 1..=123)).prop_map(
+            |(address, values)| Request::WriteMultiple {
+                address: address.into(),
+                values
+            }
+        ),
     ]
 }

@@ -67,7 +67,9 @@ fn is_stop(_: u8, ask: &Ask) -> bool {
 fn stream(messages: &[(u16, u8, Vec<u8>)]) -> Vec<u8> {
     let mut out = Vec::new();
     for (transaction, unit, pdu) in messages {
-        mbap::encode(&mut out, *transaction, *unit, |out| out.extend_from_slice(pdu));
+        mbap::encode(&mut out, *transaction, *unit, |out| {
+            out.extend_from_slice(pdu)
+        });
     }
     out
 }
@@ -111,10 +113,16 @@ impl Kind {
     /// What fits `ask`, if this shall fit.
     fn fitted(&self, ask: &Ask) -> Self {
         match (self, ask) {
-            (Self::Fitting, Ask::ReadWords { count, .. } | Ask::ReadWriteWords { read_count: count, .. }) => {
-                Self::Words(vec![*count; usize::from(*count)])
+            (
+                Self::Fitting,
+                Ask::ReadWords { count, .. }
+                | Ask::ReadWriteWords {
+                    read_count: count, ..
+                },
+            ) => Self::Words(vec![*count; usize::from(*count)]),
+            (Self::Fitting, Ask::ReadBits { count, .. }) => {
+                Self::Bits(vec![0xA5; usize::from(count.div_ceil(8))])
             }
-            (Self::Fitting, Ask::ReadBits { count, .. }) => Self::Bits(vec![0xA5; usize::from(count.div_ceil(8))]),
             (Self::Fitting, Ask::Identify { .. }) => Self::Identity(vec![0x0E, 1]),
             (other, _) => other.clone(),
         }
@@ -150,7 +158,13 @@ struct Client {
 impl Client {
     fn new() -> Self {
         let connection = Connection::new(Limits::default(), MonoTime::ZERO);
-        Self { connection, now: MonoTime::ZERO, sent: vec![], calls: vec![], read: vec![] }
+        Self {
+            connection,
+            now: MonoTime::ZERO,
+            sent: vec![],
+            calls: vec![],
+            read: vec![],
+        }
     }
 
     fn play(&mut self, event: &Event) {
@@ -158,7 +172,8 @@ impl Client {
             Event::Receive(pdu) => self.send(pdu),
             Event::Answer(at, kind) if !self.calls.is_empty() => {
                 let call = &self.calls[at % self.calls.len()];
-                self.connection.answer(self.now, call.ticket, kind.fitted(&call.ask).answer());
+                self.connection
+                    .answer(self.now, call.ticket, kind.fitted(&call.ask).answer());
             }
             Event::Answer(..) => {}
             Event::Wrote(bytes) => self.write(*bytes),
@@ -173,14 +188,19 @@ impl Client {
     fn send(&mut self, pdu: &[u8]) {
         let transaction = self.sent.len() as u16;
         let unit = (transaction * 7) as u8;
-        self.connection.receive(self.now, &stream(&[(transaction, unit, pdu.to_vec())]), &is_stop);
+        self.connection.receive(
+            self.now,
+            &stream(&[(transaction, unit, pdu.to_vec())]),
+            &is_stop,
+        );
         self.sent.push((unit, pdu.to_vec()));
         self.calls.extend(drain(&mut self.connection));
     }
 
     fn write(&mut self, bytes: usize) {
         let bytes = bytes.min(self.connection.output().len());
-        self.read.extend_from_slice(&self.connection.output()[..bytes]);
+        self.read
+            .extend_from_slice(&self.connection.output()[..bytes]);
         self.connection.wrote(bytes);
     }
 
@@ -189,7 +209,10 @@ impl Client {
         let mut answers: HashMap<u16, Vec<_>> = HashMap::new();
         let mut rest = self.read.as_slice();
         while let Some(message) = mbap::decode(rest).expect("only whole, sound messages go out") {
-            answers.entry(message.transaction).or_default().push((message.unit, message.pdu.to_vec()));
+            answers
+                .entry(message.transaction)
+                .or_default()
+                .push((message.unit, message.pdu.to_vec()));
             rest = &rest[message.adu_bytes..];
         }
         assert!(rest.is_empty());

@@ -36,13 +36,23 @@ struct Given {
 }
 
 fn origins() -> [Origin; 4] {
-    let nobody = Origin { rights: Rights { write: false, stop: false }, ..plc(9) };
+    let nobody = Origin {
+        rights: Rights {
+            write: false,
+            stop: false,
+        },
+        ..plc(9)
+    };
     [MQTT, ORIGIN, plc(1), nobody]
 }
 
 fn order() -> impl Strategy<Value = Order> {
     let go = |setpoint: Option<u16>, run: Option<Direction>, ramp: bool| {
-        let ramp = if ramp { vec![RegisterWrite::new(RAMP, 30)] } else { Vec::new() };
+        let ramp = if ramp {
+            vec![RegisterWrite::new(RAMP, 30)]
+        } else {
+            Vec::new()
+        };
         Order::Go(Go::new(ramp, setpoint.map(Hertz::from_centihertz), run).expect("not empty"))
     };
     let direction = prop_oneof![Just(Direction::Forward), Just(Direction::Reverse)];
@@ -85,7 +95,9 @@ impl Observed {
             }
             Step::Pass(ms) => self.rig.pass(Duration::from_millis(ms)),
             Step::Faults(plan) => {
-                self.rig.bus.set_faults(self.plans[plan].parse().expect("a plan"));
+                self.rig
+                    .bus
+                    .set_faults(self.plans[plan].parse().expect("a plan"));
             }
             Step::Trip => {
                 if let Some(drive) = self.rig.bus.drive_mut(Station(1)) {
@@ -105,8 +117,15 @@ impl Observed {
     /// Orders that were accepted: neither refused nor expired nor overtaken before anything was sent.
     fn accepted(&self) -> Vec<(&Given, Ticket)> {
         let last = |ticket: Ticket| self.rig.told(ticket).last().map(|(outcome, ..)| *outcome);
-        let accepted = self.given.iter().map(|(number, given)| (given, Ticket(*number)));
-        accepted.filter(|(_, ticket)| !matches!(last(*ticket), Some(Outcome::Refused | Outcome::Expired))).collect()
+        let accepted = self
+            .given
+            .iter()
+            .map(|(number, given)| (given, Ticket(*number)));
+        accepted
+            .filter(|(_, ticket)| {
+                !matches!(last(*ticket), Some(Outcome::Refused | Outcome::Expired))
+            })
+            .collect()
     }
 
     fn check(&self) -> Result<(), TestCaseError> {
@@ -128,17 +147,39 @@ impl Observed {
     fn each_write_was_ordered(&self) -> Result<(), TestCaseError> {
         let mut budget: BTreeMap<(u16, u16), Vec<MonoTime>> = BTreeMap::new();
         for (given, _) in self.accepted() {
-            let Order::Go(go) = &given.order else { continue };
-            let run = go.run().map(|direction| (RUN, if direction == Direction::Forward { 1 } else { 2 }));
-            let setpoint = go.frequency().map(|hertz| (FREQUENCY, hertz.to_word(100).expect("a word")));
-            let ramps = go.registers().iter().map(|write| (write.address.number(), write.value));
+            let Order::Go(go) = &given.order else {
+                continue;
+            };
+            let run = go.run().map(|direction| {
+                (
+                    RUN,
+                    if direction == Direction::Forward {
+                        1
+                    } else {
+                        2
+                    },
+                )
+            });
+            let setpoint = go
+                .frequency()
+                .map(|hertz| (FREQUENCY, hertz.to_word(100).expect("a word")));
+            let ramps = go
+                .registers()
+                .iter()
+                .map(|write| (write.address.number(), write.value));
             for write in run.into_iter().chain(setpoint).chain(ramps) {
                 budget.entry(write).or_default().push(given.at);
             }
         }
         for (given, _) in self.accepted() {
-            if let Order::Stop { setpoint: Some(hertz) } = &given.order {
-                budget.entry((FREQUENCY, hertz.to_word(100).expect("a word"))).or_default().push(given.at);
+            if let Order::Stop {
+                setpoint: Some(hertz),
+            } = &given.order
+            {
+                budget
+                    .entry((FREQUENCY, hertz.to_word(100).expect("a word")))
+                    .or_default()
+                    .push(given.at);
             }
         }
         for sent in self.rig.sent.iter().filter(|sent| sent.pdu[0] == 6) {
@@ -151,9 +192,16 @@ impl Observed {
                 prop_assert!((500..=5000).contains(&value), "setpoint {}", value);
             }
             let times = budget.get_mut(&(address, value));
-            let fits = |at: &MonoTime| *at <= sent.at && sent.at.since(*at) <= Duration::from_millis(1500);
+            let fits =
+                |at: &MonoTime| *at <= sent.at && sent.at.since(*at) <= Duration::from_millis(1500);
             let found = times.as_ref().and_then(|times| times.iter().position(fits));
-            prop_assert!(found.is_some(), "nobody ordered {:04X} = {} at {:?}", address, value, sent.at);
+            prop_assert!(
+                found.is_some(),
+                "nobody ordered {:04X} = {} at {:?}",
+                address,
+                value,
+                sent.at
+            );
             if let (Some(times), Some(found)) = (times, found) {
                 times.remove(found);
             }
@@ -167,29 +215,50 @@ impl Observed {
             if !matches!(given.order, Order::Stop { .. } | Order::Coast) {
                 continue;
             }
-            let confirmed = self
+            let confirmed = self.rig.reports.iter().find(|(_, answer)| {
+                answer.ticket == ticket && answer.report.outcome == Outcome::Confirmed
+            });
+            let acts = self
                 .rig
-                .reports
+                .sent
                 .iter()
-                .find(|(_, answer)| answer.ticket == ticket && answer.report.outcome == Outcome::Confirmed);
-            let acts = self.rig.sent.iter().any(|sent| sent.at >= given.at && sent.pdu.starts_with(&[6, 0, 2, 0]));
-            let Some((until, _)) = confirmed.filter(|_| acts) else { continue };
+                .any(|sent| sent.at >= given.at && sent.pdu.starts_with(&[6, 0, 2, 0]));
+            let Some((until, _)) = confirmed.filter(|_| acts) else {
+                continue;
+            };
             let moves = |pdu: &[u8]| {
                 let runs = pdu.starts_with(&[6, 0, 2, 0]) && matches!(pdu[4], 1 | 2);
                 runs || pdu.starts_with(&[6, 0, 4])
             };
-            let early = self.rig.sent.iter().find(|sent| sent.at > given.at && sent.at < *until && moves(&sent.pdu));
+            let early = self
+                .rig
+                .sent
+                .iter()
+                .find(|sent| sent.at > given.at && sent.at < *until && moves(&sent.pdu));
             // A setpoint beside a stop that changes nothing is confirmed by its own write.
             let is_setpoint = matches!(given.order, Order::Stop { setpoint: Some(_) });
-            prop_assert!(early.is_none() || is_setpoint, "{:02X?} before {:?}", early, given.order);
+            prop_assert!(
+                early.is_none() || is_setpoint,
+                "{:02X?} before {:?}",
+                early,
+                given.order
+            );
         }
         Ok(())
     }
 }
 
 /// Takes `steps`, waits until all is over, and checks the promises.
-fn observe(options: &RigOptions, plans: [&'static str; 4], steps: Vec<Step>) -> Result<(), TestCaseError> {
-    let mut observed = Observed { rig: Rig::new(options), plans, given: BTreeMap::new() };
+fn observe(
+    options: &RigOptions,
+    plans: [&'static str; 4],
+    steps: Vec<Step>,
+) -> Result<(), TestCaseError> {
+    let mut observed = Observed {
+        rig: Rig::new(options),
+        plans,
+        given: BTreeMap::new(),
+    };
     for step in steps {
         observed.take(step);
     }
@@ -199,14 +268,31 @@ fn observe(options: &RigOptions, plans: [&'static str; 4], steps: Vec<Step>) -> 
     observed.rig.pass(Duration::from_secs(60));
     observed.check()?;
     // Every lease has ended: whatever was started here has been stopped.
-    let was_stopped = !observed.rig.notes.iter().any(|(_, note)| matches!(note, Note::StopDropped));
-    prop_assert!(!was_stopped || observed.rig.output(1) == 0, "it still turns");
-    prop_assert!(observed.rig.view(0).control.is_some_and(|control| !control.command_pending));
+    let was_stopped = !observed
+        .rig
+        .notes
+        .iter()
+        .any(|(_, note)| matches!(note, Note::StopDropped));
+    prop_assert!(
+        !was_stopped || observed.rig.output(1) == 0,
+        "it still turns"
+    );
+    prop_assert!(
+        observed
+            .rig
+            .view(0)
+            .control
+            .is_some_and(|control| !control.command_pending)
+    );
     Ok(())
 }
 
 fn options(seed: u64) -> RigOptions {
-    RigOptions { control: Some(control()), seed, ..RigOptions::controlled() }
+    RigOptions {
+        control: Some(control()),
+        seed,
+        ..RigOptions::controlled()
+    }
 }
 
 proptest! {

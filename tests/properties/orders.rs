@@ -81,7 +81,11 @@ impl Observed {
         let model = Arc::new(check::model(text).expect("a sound model"));
         let poll = Duration::from_millis(100);
         Self {
-            rig: Rig::new(&RigOptions { seed, poll, ..options_of(&model, accepting()) }),
+            rig: Rig::new(&RigOptions {
+                seed,
+                poll,
+                ..options_of(&model, accepting())
+            }),
             given: Vec::new(),
             power_at: MonoTime::ZERO,
             directions: Vec::new(),
@@ -93,14 +97,19 @@ impl Observed {
         let now = self.rig.now;
         match step {
             Step::Command(who, order) => {
-                let ticket = self.rig.command([MQTT, ORIGIN, plc(1)][who], 0, order.clone());
+                let ticket = self
+                    .rig
+                    .command([MQTT, ORIGIN, plc(1)][who], 0, order.clone());
                 self.given.push((ticket, now, order));
                 return;
             }
             Step::Pass(ms) => return self.pass(Duration::from_millis(ms)),
             Step::Faults(plan) => {
                 let plans = ["", "lost=300", "late=300,flip=50", "noise=100,cut=100"];
-                return self.rig.bus.set_faults(plans[plan].parse().expect("a plan"));
+                return self
+                    .rig
+                    .bus
+                    .set_faults(plans[plan].parse().expect("a plan"));
             }
             Step::Power(on) => {
                 self.power_at = now;
@@ -113,7 +122,9 @@ impl Observed {
             Step::Alive => return self.rig.core.handle(now, Input::PathAlive(MQTT.owner)),
             Step::Trip | Step::Clear | Step::HoldBack(_) => {}
         }
-        let Some(drive) = self.rig.bus.drive_mut(Station(1)) else { return };
+        let Some(drive) = self.rig.bus.drive_mut(Station(1)) else {
+            return;
+        };
         match step {
             Step::Trip => drive.trip(now, 2),
             Step::Clear => drive.clear_trip(now, None),
@@ -128,12 +139,24 @@ impl Observed {
         while self.rig.now < until {
             let before = self.rig.sent.len();
             self.rig.step(until);
-            let has_run = self.rig.sent[before..].iter().any(|sent| sent.pdu == [6, 0x20, 0, 0, 1]);
+            let has_run = self.rig.sent[before..]
+                .iter()
+                .any(|sent| sent.pdu == [6, 0x20, 0, 0, 1]);
             let drive = self.rig.bus.drive_mut(Station(1));
-            let held = drive.filter(|drive| drive.is_powered()).and_then(|drive| drive.word(DIRECTION.into()));
+            let held = drive
+                .filter(|drive| drive.is_powered())
+                .and_then(|drive| drive.word(DIRECTION.into()));
             // A drive that has just lost its power may have lost the direction with it.
-            if has_run && held.is_some() && self.rig.now.since(self.power_at) > Duration::from_secs(10) {
-                let given = self.writes().into_iter().rev().find(|write| write.1 == DIRECTION).map(|write| write.2);
+            if has_run
+                && held.is_some()
+                && self.rig.now.since(self.power_at) > Duration::from_secs(10)
+            {
+                let given = self
+                    .writes()
+                    .into_iter()
+                    .rev()
+                    .find(|write| write.1 == DIRECTION)
+                    .map(|write| write.2);
                 self.directions.push((held, given));
             }
         }
@@ -150,7 +173,11 @@ impl Observed {
         self.take(Step::HoldBack(false));
         self.rig.live(Duration::from_secs(3));
         // A start that was told as failed, or not at all.
-        let runs = self.given.iter().rev().find(|(.., order)| matches!(order, Order::Go(go) if go.run().is_some()));
+        let runs = self
+            .given
+            .iter()
+            .rev()
+            .find(|(.., order)| matches!(order, Order::Go(go) if go.run().is_some()));
         let told = runs.and_then(|(ticket, ..)| self.rig.told(*ticket).last().copied());
         let is_ordered = matches!(told, Some((Outcome::Confirmed | Outcome::Acknowledged, ..)));
         self.moved_late = is_at_rest && !is_ordered && self.rig.output(1) != 0;
@@ -172,28 +199,64 @@ impl Observed {
     fn writes(&self) -> Vec<(MonoTime, u16, u16)> {
         let writes = self.rig.sent.iter().filter(|sent| sent.pdu[0] == 6);
         let word = |pdu: &[u8], at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
-        writes.map(|sent| (sent.at, word(&sent.pdu, 1), word(&sent.pdu, 3))).collect()
+        writes
+            .map(|sent| (sent.at, word(&sent.pdu, 1), word(&sent.pdu, 3)))
+            .collect()
     }
 
     fn check(&mut self, moves: impl Fn(u16, u16) -> bool) -> Result<(), TestCaseError> {
         for (ticket, _, order) in &self.given {
-            let ends = self.rig.told(*ticket).iter().filter(|(.., is_final)| *is_final).count();
+            let ends = self
+                .rig
+                .told(*ticket)
+                .iter()
+                .filter(|(.., is_final)| *is_final)
+                .count();
             prop_assert_eq!(ends, 1, "{:?}: {:?}", order, self.rig.told(*ticket));
         }
         let writes = self.writes();
         for (ticket, at, order) in &self.given {
-            let told = self.rig.reports.iter().filter(|(_, answer)| answer.ticket == *ticket);
-            let until =
-                told.filter(|(_, answer)| answer.report.outcome == Outcome::Confirmed).map(|(at, _)| *at).next();
-            let Some(until) = until.filter(|_| order.is_stop()) else { continue };
-            let after =
-                writes.iter().find(|(sent, register, word)| sent > at && *sent < until && moves(*register, *word));
-            prop_assert!(after.is_none(), "{:?} between a stop at {:?} and its effect at {:?}", after, at, until);
+            let told = self
+                .rig
+                .reports
+                .iter()
+                .filter(|(_, answer)| answer.ticket == *ticket);
+            let until = told
+                .filter(|(_, answer)| answer.report.outcome == Outcome::Confirmed)
+                .map(|(at, _)| *at)
+                .next();
+            let Some(until) = until.filter(|_| order.is_stop()) else {
+                continue;
+            };
+            let after = writes.iter().find(|(sent, register, word)| {
+                sent > at && *sent < until && moves(*register, *word)
+            });
+            prop_assert!(
+                after.is_none(),
+                "{:?} between a stop at {:?} and its effect at {:?}",
+                after,
+                at,
+                until
+            );
         }
-        let was_dropped = self.rig.notes.iter().any(|(_, note)| matches!(note, Note::StopDropped));
+        let was_dropped = self
+            .rig
+            .notes
+            .iter()
+            .any(|(_, note)| matches!(note, Note::StopDropped));
         let output = self.rig.output(1);
-        prop_assert!(was_dropped || output == 0, "it turns at {}: {:04X?}", output, writes);
-        prop_assert!(self.rig.view(0).control.is_some_and(|control| !control.command_pending));
+        prop_assert!(
+            was_dropped || output == 0,
+            "it turns at {}: {:04X?}",
+            output,
+            writes
+        );
+        prop_assert!(
+            self.rig
+                .view(0)
+                .control
+                .is_some_and(|control| !control.command_pending)
+        );
         Ok(())
     }
 }

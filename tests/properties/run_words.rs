@@ -42,7 +42,10 @@ struct Table {
 /// Meanings other than whom the drive obeys, which depends on more than the word.
 fn meanings() -> Vec<(&'static str, BitMeaning)> {
     let depends = [BitMeaning::BusRun, BitMeaning::BusFrequency];
-    BIT_MEANINGS.into_iter().filter(|(_, meaning)| !depends.contains(meaning)).collect()
+    BIT_MEANINGS
+        .into_iter()
+        .filter(|(_, meaning)| !depends.contains(meaning))
+        .collect()
 }
 
 fn table() -> impl Strategy<Value = Table> {
@@ -50,17 +53,31 @@ fn table() -> impl Strategy<Value = Table> {
     let field = prop::array::uniform4(prop::option::of(meaning.clone()));
     let bits = prop::collection::vec((meaning, prop::bool::weighted(0.4)), 2..=6);
     let picks = prop::collection::vec(any::<prop::sample::Index>(), 5);
-    (bits, prop::option::weighted(0.4, field), picks, prop::option::weighted(0.1, 0..ZERO_WORDS.len()))
-        .prop_map(|(bits, field, picks, zero)| Table { bits, field, picks, wild: None, zero })
+    (
+        bits,
+        prop::option::weighted(0.4, field),
+        picks,
+        prop::option::weighted(0.1, 0..ZERO_WORDS.len()),
+    )
+        .prop_map(|(bits, field, picks, zero)| Table {
+            bits,
+            field,
+            picks,
+            wild: None,
+            zero,
+        })
 }
 
 impl Table {
     fn senses(&self) -> WordSenses {
         let known = meanings();
-        let bits =
-            (0..).zip(&self.bits).map(|(bit, (meaning, inverted))| Sense::of_bit(bit, *inverted, known[*meaning].1));
+        let bits = (0..)
+            .zip(&self.bits)
+            .map(|(bit, (meaning, inverted))| Sense::of_bit(bit, *inverted, known[*meaning].1));
         let field = self.field.iter().flatten().zip(0..);
-        let field = field.filter_map(|(meaning, value)| Some(Sense::of_field(FIELD, value, known[(*meaning)?].1)));
+        let field = field.filter_map(|(meaning, value)| {
+            Some(Sense::of_field(FIELD, value, known[(*meaning)?].1))
+        });
         WordSenses(bits.chain(field).collect())
     }
 
@@ -75,7 +92,9 @@ impl Table {
         if let Some((_, word)) = self.wild.filter(|(wild, _)| *wild == place) {
             return Some(word);
         }
-        let fitting: Vec<u16> = (0..WORDS).filter(|word| word & !self.declared() == 0 && fits(*word)).collect();
+        let fitting: Vec<u16> = (0..WORDS)
+            .filter(|word| word & !self.declared() == 0 && fits(*word))
+            .collect();
         (!fitting.is_empty()).then(|| *self.picks[place].get(&fitting))
     }
 
@@ -83,15 +102,25 @@ impl Table {
     fn text(&self) -> Option<String> {
         let known = meanings();
         let senses = self.senses();
-        let has_one = |word: u16, of: &[BitMeaning]| of.iter().any(|meaning| senses.has(word, *meaning));
+        let has_one =
+            |word: u16, of: &[BitMeaning]| of.iter().any(|meaning| senses.has(word, *meaning));
         // What no command may mean, what none but a run order may, and what a run order may not.
         let never = [BitMeaning::Trip, BitMeaning::Toggle, BitMeaning::Ignored];
-        let turns = [BitMeaning::Run, BitMeaning::RunForward, BitMeaning::RunReverse, BitMeaning::Jog];
+        let turns = [
+            BitMeaning::Run,
+            BitMeaning::RunForward,
+            BitMeaning::RunReverse,
+            BitMeaning::Jog,
+        ];
         let beside = [BitMeaning::Freeze, BitMeaning::Reset, BitMeaning::Jog];
         let stops = [BitMeaning::QuickStop, BitMeaning::DcBrake];
-        let does = |effect: WordEffect, word: u16| senses.effect(word) == effect && !has_one(word, &never);
-        let runs = |direction, word| does(WordEffect::Run(Some(direction)), word) && !has_one(word, &beside);
-        let stands = |effect, word| does(effect, word) && !has_one(word, &turns) && !has_one(word, &beside);
+        let does =
+            |effect: WordEffect, word: u16| senses.effect(word) == effect && !has_one(word, &never);
+        let runs = |direction, word| {
+            does(WordEffect::Run(Some(direction)), word) && !has_one(word, &beside)
+        };
+        let stands =
+            |effect, word| does(effect, word) && !has_one(word, &turns) && !has_one(word, &beside);
         let stop = self.pick(0, |word| {
             let has_stop = !senses.exists(BitMeaning::Stop) || senses.has(word, BitMeaning::Stop);
             stands(WordEffect::Stop, word) && has_stop && !has_one(word, &stops)
@@ -99,9 +128,13 @@ impl Table {
         let forward = self.pick(1, |word| runs(Direction::Forward, word))?;
         let reverse = self.pick(2, |word| runs(Direction::Reverse, word));
         let coast = self.pick(3, |word| stands(WordEffect::Coast, word));
-        let reset = self
-            .pick(4, |word| senses.has(word, BitMeaning::Reset) && !has_one(word, &never) && !has_one(word, &turns));
-        let zero = self.zero.map_or_else(|| zero_by(senses.effect(0)), |zero| Some(ZERO_WORDS[zero].0))?;
+        let reset = self.pick(4, |word| {
+            senses.has(word, BitMeaning::Reset) && !has_one(word, &never) && !has_one(word, &turns)
+        });
+        let zero = self.zero.map_or_else(
+            || zero_by(senses.effect(0)),
+            |zero| Some(ZERO_WORDS[zero].0),
+        )?;
         let origin = "confidence = \"manual\", source = \"UM 4\"";
         let mut text = "[run]\nform = \"bits\"\n".to_owned();
         let words = [
@@ -111,7 +144,10 @@ impl Table {
             ("coast", coast),
             ("reset", reset),
         ];
-        for (name, word) in words.into_iter().filter_map(|(name, word)| Some((name, word?))) {
+        for (name, word) in words
+            .into_iter()
+            .filter_map(|(name, word)| Some((name, word?)))
+        {
             writeln!(text, "{name} = {{ value = {word}, {origin} }}").unwrap();
         }
         if let Some(reset) = reset {
@@ -122,15 +158,26 @@ impl Table {
         for (bit, (meaning, inverted)) in self.bits.iter().enumerate() {
             let when = u8::from(!inverted);
             let meaning = known[*meaning].0;
-            writeln!(text, "[[run.bit]]\nbit = {bit}\nmeaning = \"{meaning}\"\nwhen = {when}\n{origin}").unwrap();
+            writeln!(
+                text,
+                "[[run.bit]]\nbit = {bit}\nmeaning = \"{meaning}\"\nwhen = {when}\n{origin}"
+            )
+            .unwrap();
         }
         if let Some(field) = &self.field {
             let value = |(value, meaning): (usize, &Option<usize>)| {
-                format!("\"{value}\" = \"{}\"", meaning.map_or("nothing", |meaning| known[meaning].0))
+                format!(
+                    "\"{value}\" = \"{}\"",
+                    meaning.map_or("nothing", |meaning| known[meaning].0)
+                )
             };
             let values: Vec<_> = field.iter().enumerate().map(value).collect();
             let values = values.join(", ");
-            writeln!(text, "[[run.field]]\nmask = {FIELD}\nvalues = {{ {values} }}\n{origin}").unwrap();
+            writeln!(
+                text,
+                "[[run.field]]\nmask = {FIELD}\nvalues = {{ {values} }}\n{origin}"
+            )
+            .unwrap();
         }
         let begin = BASE.find("[run]").unwrap();
         let end = BASE.find("[[status]]").unwrap();
@@ -144,7 +191,9 @@ fn zero_by(effect: WordEffect) -> Option<&'static str> {
         WordEffect::Coast => "coast",
         WordEffect::Stop => "stop",
         WordEffect::Nothing => "nothing",
-        WordEffect::Release | WordEffect::Trip | WordEffect::Run(_) | WordEffect::Turns => return None,
+        WordEffect::Release | WordEffect::Trip | WordEffect::Run(_) | WordEffect::Turns => {
+            return None;
+        }
     })
 }
 
@@ -156,8 +205,10 @@ struct Bench {
 
 impl Bench {
     fn new(model: &Arc<Model>) -> Self {
-        let mut bench =
-            Self { drive: SimDrive::new(Arc::clone(model), DriveOptions::default()), now: MonoTime::from_millis(1) };
+        let mut bench = Self {
+            drive: SimDrive::new(Arc::clone(model), DriveOptions::default()),
+            now: MonoTime::from_millis(1),
+        };
         assert!(bench.write(SETPOINT, 3000));
         bench
     }
@@ -198,11 +249,22 @@ impl Bench {
 fn commands_do_what_they_say(model: &Arc<Model>, text: &str) {
     let run = model.run.as_ref().unwrap();
     let forward = (Direction::Forward, run.forward.value, 30);
-    let reverse = run.reverse.as_ref().map(|reverse| (Direction::Reverse, reverse.value, -30));
+    let reverse = run
+        .reverse
+        .as_ref()
+        .map(|reverse| (Direction::Reverse, reverse.value, -30));
     for (direction, word, hertz) in [forward].into_iter().chain(reverse) {
         let mut bench = Bench::running(model, word);
-        assert_eq!((bench.drive.ordered(), bench.output()), (Some(direction), hertz), "{text}");
-        assert_eq!(bench.does(run.stop.value, text), (None, hertz), "a stop ramps down\n{text}");
+        assert_eq!(
+            (bench.drive.ordered(), bench.output()),
+            (Some(direction), hertz),
+            "{text}"
+        );
+        assert_eq!(
+            bench.does(run.stop.value, text),
+            (None, hertz),
+            "a stop ramps down\n{text}"
+        );
         bench.pass();
         assert_eq!(bench.output(), 0, "{text}");
         // A run order in the other direction before it changes nothing.
@@ -213,7 +275,11 @@ fn commands_do_what_they_say(model: &Arc<Model>, text: &str) {
             assert_eq!(bench.output(), hertz, "{text}");
         }
         if let Some(coast) = &run.coast {
-            assert_eq!(Bench::running(model, word).does(coast.value, text), (None, 0), "{text}");
+            assert_eq!(
+                Bench::running(model, word).does(coast.value, text),
+                (None, 0),
+                "{text}"
+            );
         }
         let mut bench = Bench::running(model, word);
         let expected = match run.zero.as_ref().unwrap().value {
@@ -231,7 +297,11 @@ fn commands_do_what_they_say(model: &Arc<Model>, text: &str) {
             bench.does(word, text);
         }
         bench.pass();
-        assert_eq!((bench.drive.is_tripped(), bench.output()), (false, 0), "{text}");
+        assert_eq!(
+            (bench.drive.is_tripped(), bench.output()),
+            (false, 0),
+            "{text}"
+        );
     }
 }
 
@@ -242,14 +312,19 @@ fn words_do_what_is_said_of_them(model: &Arc<Model>, text: &str) {
     for word in 0..WORDS {
         let mut bench = Bench::running(model, run.forward.value);
         if !bench.write(RUN, word) {
-            assert!(bench.output() == 30, "a refused word changes nothing\n{text}");
+            assert!(
+                bench.output() == 30,
+                "a refused word changes nothing\n{text}"
+            );
             continue;
         }
         let output = bench.output();
         let effect = senses.effect(word);
         let is_as_said = match effect {
             // A reset beside it ends the trip at once.
-            WordEffect::Trip => bench.drive.is_tripped() || senses.has(word, BitMeaning::Reset) && output == 0,
+            WordEffect::Trip => {
+                bench.drive.is_tripped() || senses.has(word, BitMeaning::Reset) && output == 0
+            }
             WordEffect::Coast => output == 0,
             WordEffect::Stop => bench.drive.ordered().is_none() && output == 30,
             WordEffect::Run(Some(direction)) => bench.drive.ordered() == Some(direction),
@@ -260,7 +335,11 @@ fn words_do_what_is_said_of_them(model: &Arc<Model>, text: &str) {
             }
             WordEffect::Release => false,
         };
-        assert!(is_as_said, "0x{word:04X} {effect:?}: {output} Hz, {:?}\n{text}", bench.drive.ordered());
+        assert!(
+            is_as_said,
+            "0x{word:04X} {effect:?}: {output} Hz, {:?}\n{text}",
+            bench.drive.ordered()
+        );
     }
 }
 
@@ -280,17 +359,27 @@ fn a_model_that_passes_the_check_is_commanded_as_its_words_say() {
     let mut counts = [0; 3];
     for _ in 0..TABLES {
         let table = strategy.new_tree(&mut runner).unwrap().current();
-        let Some((model, text)) = sound(&table) else { continue };
+        let Some((model, text)) = sound(&table) else {
+            continue;
+        };
         commands_do_what_they_say(&model, &text);
         words_do_what_is_said_of_them(&model, &text);
         counts[0] += 1;
         counts[1] += u32::from(table.field.is_some());
         for n in 0..WILD {
             let wild = Some((usize::from(n % 5), n * 83 % WORDS));
-            let Some((model, text)) = sound(&Table { wild, ..table.clone() }) else { continue };
+            let Some((model, text)) = sound(&Table {
+                wild,
+                ..table.clone()
+            }) else {
+                continue;
+            };
             commands_do_what_they_say(&model, &text);
             counts[2] += 1;
         }
     }
-    assert!(counts[0] >= 60 && counts[1] >= 25 && counts[2] >= 30, "{counts:?}");
+    assert!(
+        counts[0] >= 60 && counts[1] >= 25 && counts[2] >= 30,
+        "{counts:?}"
+    );
 }

@@ -163,9 +163,17 @@ const UNLISTED: &[(&str, u16, u16)] = &[
 fn a_back_door_is_refused_and_nothing_goes_to_the_line() {
     for (id, address, word, reason) in DOORS {
         let mut rig = quiet(id, accepting());
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address} = {word:04X}");
+        assert_eq!(
+            write(&mut rig, *address, &[*word]),
+            refused(*reason),
+            "{id}: {address} = {word:04X}"
+        );
         rig.pass(Duration::from_secs(2));
-        assert!(rig.sent.is_empty(), "{id}: {address} = {word:04X}: {:02X?}", rig.frames());
+        assert!(
+            rig.sent.is_empty(),
+            "{id}: {address} = {word:04X}: {:02X?}",
+            rig.frames()
+        );
     }
 }
 
@@ -174,11 +182,23 @@ fn a_list_of_writable_registers_opens_no_back_door() {
     let everything: Vec<u16> = (0..=u16::MAX).collect();
     for (id, address, word, reason) in DOORS {
         let mut rig = quiet(id, listing(everything.clone()));
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(*reason), "{id}: {address} = {word:04X}");
+        assert_eq!(
+            write(&mut rig, *address, &[*word]),
+            refused(*reason),
+            "{id}: {address} = {word:04X}"
+        );
         let told = rig.commanded(MQTT, register(*address, *word));
-        assert_eq!(told.0, Outcome::Refused, "{id}: {address} as a parameter: {told:?}");
+        assert_eq!(
+            told.0,
+            Outcome::Refused,
+            "{id}: {address} as a parameter: {told:?}"
+        );
         rig.pass(Duration::from_secs(2));
-        assert!(rig.writes().is_empty(), "{id}: {address} = {word:04X}: {:02X?}", rig.writes());
+        assert!(
+            rig.writes().is_empty(),
+            "{id}: {address} = {word:04X}: {:02X?}",
+            rig.writes()
+        );
     }
 }
 
@@ -189,8 +209,14 @@ fn a_command_register_is_no_parameter() {
         let run = model.run.as_ref().unwrap();
         let mut rig = quiet(&id, listing((0..=u16::MAX).collect()));
         for (role, word) in [
-            (vfd_gateway::profile::model::Role::RunCommand, run.forward.value),
-            (vfd_gateway::profile::model::Role::RunCommand, run.stop.value),
+            (
+                vfd_gateway::profile::model::Role::RunCommand,
+                run.forward.value,
+            ),
+            (
+                vfd_gateway::profile::model::Role::RunCommand,
+                run.stop.value,
+            ),
             (vfd_gateway::profile::model::Role::FrequencyCommand, 3000),
         ] {
             let address = model.register_for(role).unwrap().address;
@@ -202,7 +228,10 @@ fn a_command_register_is_no_parameter() {
 }
 
 fn catalog_ids() -> Vec<String> {
-    crate::support::families::models().iter().map(|model| model.id.clone()).collect()
+    crate::support::families::models()
+        .iter()
+        .map(|model| model.id.clone())
+        .collect()
 }
 
 #[test]
@@ -219,9 +248,17 @@ fn one_back_door_spoils_a_whole_block() {
         (N100, 0x0202, &[100, 100, 0], NotListed),
     ] {
         let mut rig = quiet(id, listing(vec![0x0202, 0x0203]));
-        assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{id}: who stopped it may start it");
+        assert_eq!(
+            rig.commanded(ORIGIN, STOP).0,
+            Outcome::Confirmed,
+            "{id}: who stopped it may start it"
+        );
         rig.sent.clear();
-        assert_eq!(write(&mut rig, address, values), refused(reason), "{id}: {address}");
+        assert_eq!(
+            write(&mut rig, address, values),
+            refused(reason),
+            "{id}: {address}"
+        );
         assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
     }
 }
@@ -230,10 +267,18 @@ fn one_back_door_spoils_a_whole_block() {
 fn what_is_listed_is_written_where_it_is_listed_and_nowhere_else() {
     for (id, address, word) in UNLISTED {
         let mut rig = quiet(id, accepting());
-        assert_eq!(write(&mut rig, *address, &[*word]), refused(NotListed), "{id}: {address}");
+        assert_eq!(
+            write(&mut rig, *address, &[*word]),
+            refused(NotListed),
+            "{id}: {address}"
+        );
         assert!(rig.sent.is_empty(), "{id}: {:02X?}", rig.frames());
         let mut rig = quiet(id, listing(vec![*address]));
-        assert_eq!(write(&mut rig, *address, &[*word]), NativeOutcome::Written, "{id}: {address}");
+        assert_eq!(
+            write(&mut rig, *address, &[*word]),
+            NativeOutcome::Written,
+            "{id}: {address}"
+        );
         rig.pass(Duration::from_secs(2));
         assert_eq!(rig.writes(), [single(*address, *word)], "{id}");
     }
@@ -250,6 +295,9 @@ fn a_register_in_ram_is_stored_only_at_its_twin_and_only_where_that_is_listed() 
         assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed);
         rig.pass(Duration::from_secs(2));
         assert_eq!(rig.writes(), [single(listed, 50), single(0x2001, 3000)]);
-        assert_eq!(rig.bus.drive(Station(1)).unwrap().report().stored_writes, stored);
+        assert_eq!(
+            rig.bus.drive(Station(1)).unwrap().report().stored_writes,
+            stored
+        );
     }
 }

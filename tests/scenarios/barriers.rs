@@ -19,7 +19,11 @@ const LOOP_TEST: u8 = 8;
 const MAX_LATENESS: Duration = Duration::from_millis(500);
 
 fn fact<T>(value: T, confidence: Confidence) -> Fact<T> {
-    Fact { value, confidence, source: "a test".to_owned() }
+    Fact {
+        value,
+        confidence,
+        source: "a test".to_owned(),
+    }
 }
 
 /// A drive that is read word by word, with one barrier. It serves the loop test if that is it.
@@ -42,7 +46,12 @@ fn refusing() -> Arc<Model> {
 }
 
 fn options(model: Arc<Model>, bad_request: BadRequest) -> RigOptions {
-    RigOptions { link: model.link.played(), model, bad_request, ..RigOptions::default() }
+    RigOptions {
+        link: model.link.played(),
+        model,
+        bad_request,
+        ..RigOptions::default()
+    }
 }
 
 /// The functions of the frames sent so far.
@@ -51,7 +60,10 @@ fn functions(rig: &Rig) -> Vec<u8> {
 }
 
 fn loop_tests(rig: &Rig) -> usize {
-    functions(rig).iter().filter(|function| **function == LOOP_TEST).count()
+    functions(rig)
+        .iter()
+        .filter(|function| **function == LOOP_TEST)
+        .count()
 }
 
 /// Reads a word whose reply is lost, then one whose reply arrives; returns how long after the time-out the latter was
@@ -63,7 +75,11 @@ fn waited_after_a_lost_reply(rig: &mut Rig) -> Duration {
     let timed_out = rig.now;
     let next = rig.read(1, 0, PROOF + 1, 1);
     assert!(matches!(rig.answer_to(next), NativeOutcome::Words(_)));
-    rig.sent.last().expect("the read went out").at.since(timed_out)
+    rig.sent
+        .last()
+        .expect("the read went out")
+        .at
+        .since(timed_out)
 }
 
 /// Clients that never pause read proof words, whose value identifies the exchange that requested them, until `frames`
@@ -79,7 +95,11 @@ fn walk(rig: &mut Rig, frames: u64) -> u64 {
         rig.run_until(rig.now + Duration::from_secs(10), |rig, answer| {
             if let NativeOutcome::Words(words) = &answer.outcome {
                 let expected = rig.proof(answer.ticket);
-                assert_eq!(words[..], [expected], "{words:04X?} for exchange {expected:04X}");
+                assert_eq!(
+                    words[..],
+                    [expected],
+                    "{words:04X?} for exchange {expected:04X}"
+                );
                 right += 1;
             }
             let n = answer.ticket.0;
@@ -97,26 +117,49 @@ fn late_replies_are_never_mixed_up_where_every_reply_is_one_word() {
         (loop_test(Confidence::Manual), true),
         (loop_test(Confidence::Inferred), true),
         // There is no barrier: the only way is to wait.
-        (word_by_word(Barrier::Refused(fact(3, Confidence::Inferred))), false),
+        (
+            word_by_word(Barrier::Refused(fact(3, Confidence::Inferred))),
+            false,
+        ),
     ] {
         for seed in 0..3 {
             let options = options(Arc::clone(&model), BadRequest::Exception);
-            let mut rig = Rig::new(&RigOptions { drives: 2, seed, ..options });
-            rig.bus.set_faults(FaultPlan { late: 300, ..FaultPlan::NONE });
+            let mut rig = Rig::new(&RigOptions {
+                drives: 2,
+                seed,
+                ..options
+            });
+            rig.bus.set_faults(FaultPlan {
+                late: 300,
+                ..FaultPlan::NONE
+            });
             let before = rig.core.counters().barriers;
             let right = walk(&mut rig, 2000);
             let counters = rig.core.counters();
             assert!(right > 500, "{}: work went on: {right}", model.id);
             // Those that arrive while the other drive is asked are foreign.
-            assert!(counters.strays + counters.foreign > 200, "{}: late replies were seen: {counters:?}", model.id);
-            assert_eq!(counters.barriers > before + 200, settles, "{}: {counters:?}", model.id);
+            assert!(
+                counters.strays + counters.foreign > 200,
+                "{}: late replies were seen: {counters:?}",
+                model.id
+            );
+            assert_eq!(
+                counters.barriers > before + 200,
+                settles,
+                "{}: {counters:?}",
+                model.id
+            );
         }
     }
 }
 
 #[test]
 fn a_barrier_spares_the_wait_for_the_longest_lateness() {
-    for model in [refusing(), loop_test(Confidence::Manual), loop_test(Confidence::Inferred)] {
+    for model in [
+        refusing(),
+        loop_test(Confidence::Manual),
+        loop_test(Confidence::Inferred),
+    ] {
         let mut rig = Rig::new(&options(model, BadRequest::Exception));
         let waited = waited_after_a_lost_reply(&mut rig);
         assert_eq!(functions(&rig), [3, LOOP_TEST, 3]);
@@ -126,12 +169,19 @@ fn a_barrier_spares_the_wait_for_the_longest_lateness() {
 
 #[test]
 fn no_two_loop_tests_carry_the_same_data() {
-    let mut rig = Rig::new(&options(loop_test(Confidence::Manual), BadRequest::Exception));
+    let mut rig = Rig::new(&options(
+        loop_test(Confidence::Manual),
+        BadRequest::Exception,
+    ));
     for _ in 0..50 {
         waited_after_a_lost_reply(&mut rig);
     }
-    let mut data: Vec<_> =
-        rig.sent.iter().filter(|sent| sent.frame[1] == LOOP_TEST).map(|sent| sent.frame[4..6].to_vec()).collect();
+    let mut data: Vec<_> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.frame[1] == LOOP_TEST)
+        .map(|sent| sent.frame[4..6].to_vec())
+        .collect();
     assert_eq!(data.len(), 50);
     data.sort_unstable();
     data.dedup();
@@ -140,14 +190,20 @@ fn no_two_loop_tests_carry_the_same_data() {
 
 #[test]
 fn a_loop_test_proves_nothing_on_a_line_that_echoes() {
-    let mut rig = Rig::new(&options(loop_test(Confidence::Manual), BadRequest::Exception));
+    let mut rig = Rig::new(&options(
+        loop_test(Confidence::Manual),
+        BadRequest::Exception,
+    ));
     rig.echoes = true;
     for _ in 0..3 {
         let waited = waited_after_a_lost_reply(&mut rig);
         assert!(waited >= MAX_LATENESS, "{waited:?}");
     }
     rig.echoes = false;
-    assert!(waited_after_a_lost_reply(&mut rig) >= MAX_LATENESS, "an echo may come back");
+    assert!(
+        waited_after_a_lost_reply(&mut rig) >= MAX_LATENESS,
+        "an echo may come back"
+    );
     assert_eq!(loop_tests(&rig), 0);
     // Another port may have another adapter.
     rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
@@ -168,23 +224,40 @@ fn a_refusal_is_a_barrier_on_a_line_that_echoes_too() {
 
 #[test]
 fn what_is_not_documented_is_shown_once_when_the_drive_comes_online() {
-    for (model, trials) in
-        [(refusing(), 1), (loop_test(Confidence::Inferred), 1), (loop_test(Confidence::Manual), 0), (n700(), 0)]
-    {
+    for (model, trials) in [
+        (refusing(), 1),
+        (loop_test(Confidence::Inferred), 1),
+        (loop_test(Confidence::Manual), 0),
+        (n700(), 0),
+    ] {
         let mut rig = Rig::new(&options(model, BadRequest::Exception));
         assert_eq!(rig.core.counters().barriers, trials);
         rig.pass(Duration::from_secs(60));
         assert_eq!(rig.core.counters().barriers, trials, "and not again");
-        assert_eq!(rig.core.counters().exceptions, 0, "a refusal that was asked for is a reply");
+        assert_eq!(
+            rig.core.counters().exceptions,
+            0,
+            "a refusal that was asked for is a reply"
+        );
     }
 }
 
 #[test]
 fn a_drive_that_stays_silent_on_it_is_left_alone_with_it_until_it_comes_back() {
     let mut rig = Rig::new(&options(refusing(), BadRequest::Silence));
-    assert_eq!((rig.core.counters().barriers, rig.core.counters().silent), (1, 1));
-    assert_eq!(rig.view(0).snapshot.presence, Presence::Online, "silence on this is no absence");
-    assert!(waited_after_a_lost_reply(&mut rig) >= MAX_LATENESS, "nothing settles it");
+    assert_eq!(
+        (rig.core.counters().barriers, rig.core.counters().silent),
+        (1, 1)
+    );
+    assert_eq!(
+        rig.view(0).snapshot.presence,
+        Presence::Online,
+        "silence on this is no absence"
+    );
+    assert!(
+        waited_after_a_lost_reply(&mut rig) >= MAX_LATENESS,
+        "nothing settles it"
+    );
     assert_eq!(rig.core.counters().barriers, 1);
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), false);
@@ -207,8 +280,14 @@ fn a_drive_that_stays_silent_on_it_is_left_alone_with_it_until_it_comes_back() {
 #[test]
 fn a_look_at_a_stop_is_not_held_up_by_a_reply_that_stayed_out() {
     let options = options(refusing(), BadRequest::Exception);
-    let mut rig = Rig::new(&RigOptions { control: Some(control()), ..options });
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(control()),
+        ..options
+    });
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(1));
     rig.sent.clear();
     let stop = rig.command(MQTT, 0, STOP);
@@ -217,13 +296,19 @@ fn a_look_at_a_stop_is_not_held_up_by_a_reply_that_stayed_out() {
     assert_eq!(functions(&rig)[..4], [6, 3, LOOP_TEST, 3]);
     let looks = [rig.sent[1].at, rig.sent[3].at];
     // The reply time-out, the barrier, and the rhythm of looks.
-    assert!(looks[1].since(looks[0]) < Duration::from_millis(320), "{looks:?}");
+    assert!(
+        looks[1].since(looks[0]) < Duration::from_millis(320),
+        "{looks:?}"
+    );
 }
 
 #[test]
 fn a_stop_does_not_wait_for_a_barrier() {
     let options = options(refusing(), BadRequest::Exception);
-    let mut rig = Rig::new(&RigOptions { control: Some(control()), ..options });
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(control()),
+        ..options
+    });
     rig.loses_reply_to = Some(3);
     let lost = rig.read(1, 0, PROOF, 1);
     let next = rig.read(1, 0, PROOF + 1, 1);

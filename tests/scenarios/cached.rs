@@ -26,7 +26,11 @@ const PERIOD: Duration = Duration::from_secs(1);
 
 /// Drives that are polled every second and may be commanded.
 fn rig(drives: u8) -> Rig {
-    let mut rig = Rig::new(&RigOptions { drives, poll: PERIOD, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        drives,
+        poll: PERIOD,
+        ..RigOptions::controlled()
+    });
     rig.pass(Duration::from_secs(5));
     rig.sent.clear();
     rig
@@ -36,7 +40,10 @@ fn rig(drives: u8) -> Rig {
 fn description() -> DriveDescription {
     let unit = |number| UnitId::new(number).unwrap();
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
         name: Name::new("pump").unwrap(),
         line: Name::new("hall").unwrap(),
         model: model("hyundai-n700"),
@@ -55,7 +62,14 @@ fn recalled(rig: &Rig, index: u16, address: u16, count: u16) -> Option<(Vec<u16>
     let view = rig.view(index);
     let mut words = Words::default();
     let read = (Address::holding(address), count);
-    let age = memory::recall(&description(), &view, view.orders.taken, read, rig.now, &mut words)?;
+    let age = memory::recall(
+        &description(),
+        &view,
+        view.orders.taken,
+        read,
+        rig.now,
+        &mut words,
+    )?;
     Some((words.as_slice().to_vec(), age))
 }
 
@@ -65,13 +79,17 @@ fn cached_read(rig: &mut Rig, address: u16) -> Vec<u16> {
         return words;
     }
     let ticket = rig.read(1, 0, address, 1);
-    let NativeOutcome::Words(words) = rig.answer_to(ticket) else { panic!("no words") };
+    let NativeOutcome::Words(words) = rig.answer_to(ticket) else {
+        panic!("no words")
+    };
     words.to_vec()
 }
 
 fn reads_of(rig: &Rig, station: u8, address: u16) -> impl Iterator<Item = &Sent> {
     let place = address.to_be_bytes();
-    rig.sent.iter().filter(move |sent| sent.frame[0] == station && sent.pdu[0] == 3 && sent.pdu[1..3] == place)
+    rig.sent
+        .iter()
+        .filter(move |sent| sent.frame[0] == station && sent.pdu[0] == 3 && sent.pdu[1..3] == place)
 }
 
 #[test]
@@ -129,7 +147,10 @@ fn a_part_of_a_poll_group_takes_nothing_into_the_picture() {
     let ticket = rig.read(1, 0, F010, 2);
     assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)));
     let snapshot = rig.view(0).snapshot;
-    assert_eq!(snapshot.reading(F010).unwrap().at, snapshot.reading(F010 + 1).unwrap().at);
+    assert_eq!(
+        snapshot.reading(F010).unwrap().at,
+        snapshot.reading(F010 + 1).unwrap().at
+    );
     assert!(snapshot.reading(F010).unwrap().at > before.reading(F010).unwrap().at);
 }
 
@@ -144,7 +165,11 @@ fn nothing_is_served_that_is_staler_than_declared() {
         let index = (seed >> 8) as u16 % 4;
         let address = [OUTPUT, TRIP_COUNT, F001][(seed >> 16) as usize % 3];
         // From time to time the line is too busy for its polls.
-        let pause = if (rig.now.since(MonoTime::ZERO).as_secs() / 20).is_multiple_of(2) { 7 } else { 130 };
+        let pause = if (rig.now.since(MonoTime::ZERO).as_secs() / 20).is_multiple_of(2) {
+            7
+        } else {
+            130
+        };
         if seed >> 24 < 8 {
             for n in 0..30 {
                 rig.read(9, index, PROOF + n, 8);
@@ -155,7 +180,9 @@ fn nothing_is_served_that_is_staler_than_declared() {
             assert!(age <= periods[&address], "{age:?} at {:?}", rig.now);
             // The age is the true one: the drive was asked before, and its answer takes a moment.
             let read_at = rig.now.before(age);
-            let newest = reads_of(&rig, index as u8 + 1, address).filter(|sent| sent.at <= read_at).last();
+            let newest = reads_of(&rig, index as u8 + 1, address)
+                .filter(|sent| sent.at <= read_at)
+                .last();
             let took = newest.map(|sent| read_at.since(sent.at));
             let is_known = took.is_none_or(|took| took < Duration::from_millis(100));
             assert!(is_known || read_at < rig.sent[0].at, "{took:?}");
@@ -165,7 +192,10 @@ fn nothing_is_served_that_is_staler_than_declared() {
         }
         rig.pass(Duration::from_millis(pause));
     }
-    assert!(from_memory > 1000 && from_line > 100, "{from_memory} {from_line}");
+    assert!(
+        from_memory > 1000 && from_line > 100,
+        "{from_memory} {from_line}"
+    );
 }
 
 #[test]
@@ -173,7 +203,14 @@ fn a_client_reads_what_it_has_written() {
     let mut rig = rig(1);
     for (number, setpoint) in (0..40_u16).map(|number| (number, 1000 + number * 17)) {
         cached_read(&mut rig, F001);
-        let written = rig.ask(1, 0, NativeAsk::Write { address: SETPOINT.into(), values: vec![setpoint] });
+        let written = rig.ask(
+            1,
+            0,
+            NativeAsk::Write {
+                address: SETPOINT.into(),
+                values: vec![setpoint],
+            },
+        );
         assert_eq!(recalled(&rig, 0, F001, 1), None, "a write that waits");
         assert_eq!(rig.answer_to(written), NativeOutcome::Written);
         assert_eq!(cached_read(&mut rig, F001), [setpoint], "{number}");
@@ -205,7 +242,10 @@ fn a_stop_by_anyone_makes_older_readings_no_answer() {
 
 /// A drive that is polled once an hour and runs at 30 Hz.
 fn unpolled_and_running() -> Rig {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(3600),
+        ..RigOptions::controlled()
+    });
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     rig.live(Duration::from_secs(5));
     rig.sent.clear();
@@ -222,7 +262,10 @@ fn a_read_that_was_sent_before_a_stop_shows_no_effect_of_it() {
     assert_eq!(confirmed, (Outcome::Confirmed, Reason::None));
     let asked: Vec<_> = rig.sent.iter().map(|sent| sent.pdu[0]).collect();
     assert_eq!(asked[..2], [3, 6], "the stop follows the read");
-    assert!(asked[2..].contains(&3), "its effect is read after it: {asked:?}");
+    assert!(
+        asked[2..].contains(&3),
+        "its effect is read after it: {asked:?}"
+    );
 }
 
 #[test]
@@ -260,8 +303,12 @@ fn a_trip_that_only_a_client_has_read_is_reported_once() {
         assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)));
         rig.pass(Duration::from_millis(500));
     }
-    let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
-    let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
+    let [(_, event)] = rig.trips.as_slice() else {
+        panic!("{:?}", rig.trips)
+    };
+    let TripEventKind::Tripped { trips: 1, record } = &event.kind else {
+        panic!("{event:?}")
+    };
     assert_eq!((record.code, event.count), (Some(7), Some(1)));
     assert_eq!(rig.view(0).run_state, RunState::Tripped);
 }
@@ -269,16 +316,25 @@ fn a_trip_that_only_a_client_has_read_is_reported_once() {
 #[test]
 fn a_refused_read_delays_no_poll() {
     let bad_request = BadRequest::Exception;
-    let mut rig = Rig::new(&RigOptions { poll: PERIOD, bad_request, ..RigOptions::default() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: PERIOD,
+        bad_request,
+        ..RigOptions::default()
+    });
     rig.sent.clear();
     let until = rig.now + Duration::from_secs(10);
     while rig.now < until {
         // The group with a number that the drive does not have.
         let ticket = rig.read(1, 0, OUTPUT, 2);
-        assert!(matches!(rig.answer_to(ticket), NativeOutcome::DriveException { .. }));
+        assert!(matches!(
+            rig.answer_to(ticket),
+            NativeOutcome::DriveException { .. }
+        ));
         rig.pass(Duration::from_millis(100));
     }
-    let polls = reads_of(&rig, 1, OUTPUT).filter(|sent| sent.pdu[4] == 1).count();
+    let polls = reads_of(&rig, 1, OUTPUT)
+        .filter(|sent| sent.pdu[4] == 1)
+        .count();
     assert!((9..=11).contains(&polls), "{polls}");
 }
 
@@ -288,7 +344,11 @@ fn polls_cost_a_client_nothing_that_walks_over_the_same_registers() {
     let polled = [(OUTPUT, 1), (TRIP_COUNT, 1), (F001, 1), (F010, 2)];
     let others = [(PROOF, 1), (PROOF + 1, 1), (PROOF + 2, 1), (PROOF + 3, 2)];
     let rate = |poll: Duration, reads: [(u16, u16); 4]| {
-        let mut rig = Rig::new(&RigOptions { drives: 8, poll, ..RigOptions::default() });
+        let mut rig = Rig::new(&RigOptions {
+            drives: 8,
+            poll,
+            ..RigOptions::default()
+        });
         rig.keeps_sent = false;
         let (mut at, mut right) = (0_u16, 0);
         let mut ask = move |rig: &mut Rig| {
@@ -304,8 +364,14 @@ fn polls_cost_a_client_nothing_that_walks_over_the_same_registers() {
         f64::from(right) / 60.0
     };
     let hour = Duration::from_secs(3600);
-    let (bare, beside, along) = (rate(hour, polled), rate(PERIOD, others), rate(PERIOD, polled));
-    println!("reads/s: {bare:.2} of the bare line, {beside:.2} beside the polls, {along:.2} of what is polled");
+    let (bare, beside, along) = (
+        rate(hour, polled),
+        rate(PERIOD, others),
+        rate(PERIOD, polled),
+    );
+    println!(
+        "reads/s: {bare:.2} of the bare line, {beside:.2} beside the polls, {along:.2} of what is polled"
+    );
     assert!(beside < 0.7 * bare, "{beside} {bare}");
     assert!(along > 0.97 * bare, "{along} {bare}");
 }

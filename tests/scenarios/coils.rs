@@ -52,7 +52,10 @@ fn without_03() -> Arc<Model> {
                    confidence = \"manual\"\nsource = \"IM 5\"\n\n[[register]]\nname = \"series\"";
     with(&[
         ("0x03, 0x04, 0x05, 0x06", "0x04, 0x06"),
-        ("scale = 100\nunit = \"Hz\"\naccess = \"read-write\"", "scale = 100\nunit = \"Hz\"\naccess = \"write\""),
+        (
+            "scale = 100\nunit = \"Hz\"\naccess = \"read-write\"",
+            "scale = 100\nunit = \"Hz\"\naccess = \"write\"",
+        ),
         ("[[register]]\nname = \"series\"", setting),
     ])
 }
@@ -66,11 +69,24 @@ fn pulses() -> Arc<Model> {
              access = \"write\"\nmemory = \"ram\"\nconfidence = \"manual\"\nsource = \"IM 5\"\n\n"
         )
     };
-    let registers = format!("{}{}[[register]]\nname = \"series\"", own("halt", 6), own("backwards", 7));
-    let direction = COILS.lines().find(|line| line.starts_with("direction = ")).unwrap();
+    let registers = format!(
+        "{}{}[[register]]\nname = \"series\"",
+        own("halt", 6),
+        own("backwards", 7)
+    );
+    let direction = COILS
+        .lines()
+        .find(|line| line.starts_with("direction = "))
+        .unwrap();
     with(&[
-        ("stop = { value = 0,", "stop = { register = \"halt\", value = 1,"),
-        (direction, &format!("reverse = {{ register = \"backwards\", value = 1, {source} }}")),
+        (
+            "stop = { value = 0,",
+            "stop = { register = \"halt\", value = 1,",
+        ),
+        (
+            direction,
+            &format!("reverse = {{ register = \"backwards\", value = 1, {source} }}"),
+        ),
         ("[[register]]\nname = \"series\"", &registers),
     ])
 }
@@ -79,7 +95,12 @@ fn pulses() -> Arc<Model> {
 fn ready(model: &Arc<Model>, control: ControlSettings) -> Rig {
     let mut rig = rig_of(model, control);
     set(&mut rig, Address::new(Table::Input, 0x2000), 200);
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{}", model.id);
+    assert_eq!(
+        rig.commanded(MQTT, STOP),
+        (Outcome::Confirmed, Reason::None),
+        "{}",
+        model.id
+    );
     rig.live(SECOND * 3);
     rig.sent.clear();
     rig
@@ -87,22 +108,35 @@ fn ready(model: &Arc<Model>, control: ControlSettings) -> Rig {
 
 fn set(rig: &mut Rig, address: Address, word: u16) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address, word);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, address, word);
 }
 
 /// The coils written so far, whatever the function.
 fn orders(rig: &Rig) -> Vec<(u16, u16)> {
-    let requests = rig.sent.iter().filter_map(|sent| Request::decode(&sent.pdu));
+    let requests = rig
+        .sent
+        .iter()
+        .filter_map(|sent| Request::decode(&sent.pdu));
     let of_coils = requests.flat_map(|request| match request {
         Request::WriteSingle { address, value } => vec![(address, value)],
         Request::WriteMultiple { address, values } => address.onwards().zip(values).collect(),
         _ => Vec::new(),
     });
-    of_coils.filter(|(it, _)| it.table() == Table::Coil).map(|(it, value)| (it.number(), value)).collect()
+    of_coils
+        .filter(|(it, _)| it.table() == Table::Coil)
+        .map(|(it, value)| (it.number(), value))
+        .collect()
 }
 
 fn confirmed(rig: &mut Rig, order: Order) {
-    assert_eq!(rig.commanded(MQTT, order.clone()), (Outcome::Confirmed, Reason::None), "{order:?}");
+    assert_eq!(
+        rig.commanded(MQTT, order.clone()),
+        (Outcome::Confirmed, Reason::None),
+        "{order:?}"
+    );
 }
 
 #[test]
@@ -137,10 +171,18 @@ fn only_functions_that_the_device_serves_are_sent() {
     confirmed(&mut rig, run(Direction::Reverse, Some(3000)));
     rig.live(SECOND * 10);
     confirmed(&mut rig, STOP);
-    let functions: std::collections::BTreeSet<u8> = rig.sent.iter().map(|sent| sent.pdu[0]).collect();
-    assert_eq!(functions.into_iter().collect::<Vec<_>>(), [0x01, 0x02, 0x04, 0x06, 0x0F]);
+    let functions: std::collections::BTreeSet<u8> =
+        rig.sent.iter().map(|sent| sent.pdu[0]).collect();
+    assert_eq!(
+        functions.into_iter().collect::<Vec<_>>(),
+        [0x01, 0x02, 0x04, 0x06, 0x0F]
+    );
     let bits = rig.sent.iter().find(|sent| sent.pdu[0] == 0x0F).unwrap();
-    assert_eq!(bits.pdu, [0x0F, 0, 1, 0, 1, 1, 1], "the direction, in a frame of one coil");
+    assert_eq!(
+        bits.pdu,
+        [0x0F, 0, 1, 0, 1, 1, 1],
+        "the direction, in a frame of one coil"
+    );
 }
 
 #[test]
@@ -162,7 +204,10 @@ fn a_lost_frame_between_direction_and_run_runs_nothing() {
     let mut rig = ready(&coils(), accepting());
     rig.swallows = Some(vec![5, 0, 1, 0xFF, 0]);
     let order = run(Direction::Reverse, Some(3000));
-    assert_eq!(rig.commanded(MQTT, order.clone()), (Outcome::Failed, Reason::NoReply));
+    assert_eq!(
+        rig.commanded(MQTT, order.clone()),
+        (Outcome::Failed, Reason::NoReply)
+    );
     rig.live(SECOND * 10);
     assert!(!orders(&rig).contains(&(RUN, 1)), "{:?}", orders(&rig));
     assert_eq!(rig.output(1), 0);
@@ -179,8 +224,14 @@ fn a_direction_coil_that_falls_back_runs_nothing() {
     }
     rig.step(rig.now + SECOND);
     set(&mut rig, coil(DIRECTION), 0);
-    assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
-    assert_eq!(rig.view(0).control.unwrap().last.unwrap().register, Some(coil(DIRECTION)));
+    assert_eq!(
+        rig.outcome_of(ticket),
+        (Outcome::Failed, Reason::KeptOldValue)
+    );
+    assert_eq!(
+        rig.view(0).control.unwrap().last.unwrap().register,
+        Some(coil(DIRECTION))
+    );
     assert!(!orders(&rig).contains(&(RUN, 1)), "{:?}", orders(&rig));
 }
 
@@ -192,7 +243,13 @@ fn a_trip_is_reported_by_its_coil_and_the_reset_coil_is_cleared() {
     rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
     rig.live(SECOND * 4);
     let view = rig.view(0);
-    assert_eq!((view.run_state, view.trip.last.as_ref().and_then(|trip| trip.code)), (RunState::Tripped, Some(2)));
+    assert_eq!(
+        (
+            view.run_state,
+            view.trip.last.as_ref().and_then(|trip| trip.code)
+        ),
+        (RunState::Tripped, Some(2))
+    );
     rig.sent.clear();
     confirmed(&mut rig, Order::Reset);
     assert_eq!(orders(&rig), [(RUN, 0), (RESET, 1), (RESET, 0)]);
@@ -204,49 +261,101 @@ fn a_trip_is_reported_by_its_coil_and_the_reset_coil_is_cleared() {
 fn a_setting_in_a_coil_and_an_identity_in_an_input_register_hold_back_a_run() {
     let mut rig = ready(&coils(), accepting());
     set(&mut rig, coil(BUS_ENABLE), 0);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), (Outcome::Refused, Reason::Precondition));
-    assert_eq!(rig.view(0).control.unwrap().last.unwrap().register, Some(coil(BUS_ENABLE)));
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        (Outcome::Refused, Reason::Precondition)
+    );
+    assert_eq!(
+        rig.view(0).control.unwrap().last.unwrap().register,
+        Some(coil(BUS_ENABLE))
+    );
     confirmed(&mut rig, STOP);
     set(&mut rig, coil(BUS_ENABLE), 1);
     rig.reopen();
     set(&mut rig, Address::new(Table::Input, 0x2000), 100);
     rig.live(SECOND * 2);
-    assert_eq!(rig.commanded(MQTT, setpoint(3000)), (Outcome::Refused, Reason::OtherDrive));
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(3000)),
+        (Outcome::Refused, Reason::OtherDrive)
+    );
     assert!(!orders(&rig).contains(&(RUN, 1)));
 }
 
 /// What a client of the native unit writes to coils.
 fn write(rig: &mut Rig, number: u16, values: &[u16]) -> NativeOutcome {
-    let ticket = rig.ask(1, 0, NativeAsk::Write { address: coil(number), values: values.to_vec() });
+    let ticket = rig.ask(
+        1,
+        0,
+        NativeAsk::Write {
+            address: coil(number),
+            values: values.to_vec(),
+        },
+    );
     rig.answer_to(ticket)
 }
 
 #[test]
 fn coils_that_a_client_writes_are_orders_or_refused() {
     let mut rig = ready(&coils(), accepting());
-    assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written, "a stop is a stop");
+    assert_eq!(
+        write(&mut rig, RUN, &[0]),
+        NativeOutcome::Written,
+        "a stop is a stop"
+    );
     rig.pass(SECOND * 3);
     rig.sent.clear();
     for (number, value) in [(RUN, 1), (DIRECTION, 0), (DIRECTION, 1), (CUT_OFF, 0)] {
-        assert_eq!(write(&mut rig, number, &[value]), refused(Reason::NotUnderstood), "{number} {value}");
+        assert_eq!(
+            write(&mut rig, number, &[value]),
+            refused(Reason::NotUnderstood),
+            "{number} {value}"
+        );
     }
-    assert_eq!(write(&mut rig, BUS_ENABLE, &[0]), refused(Reason::NotListed));
-    assert_eq!(write(&mut rig, 0x0E, &[1]), refused(Reason::NotListed), "it is only read");
+    assert_eq!(
+        write(&mut rig, BUS_ENABLE, &[0]),
+        refused(Reason::NotListed)
+    );
+    assert_eq!(
+        write(&mut rig, 0x0E, &[1]),
+        refused(Reason::NotListed),
+        "it is only read"
+    );
     assert_eq!(write(&mut rig, 0x1234, &[1]), refused(Reason::NotListed));
     assert_eq!(orders(&rig), [], "none of them reached the wire");
-    let ticket = rig.ask(1, 0, NativeAsk::Write { address: 1_u16.into(), values: vec![3000] });
-    assert_eq!(rig.answer_to(ticket), NativeOutcome::Written, "holding register 1 is not coil 1");
-    assert_eq!(write(&mut rig, RUN, &[1, 1]), NativeOutcome::Written, "both halves in one frame");
+    let ticket = rig.ask(
+        1,
+        0,
+        NativeAsk::Write {
+            address: 1_u16.into(),
+            values: vec![3000],
+        },
+    );
+    assert_eq!(
+        rig.answer_to(ticket),
+        NativeOutcome::Written,
+        "holding register 1 is not coil 1"
+    );
+    assert_eq!(
+        write(&mut rig, RUN, &[1, 1]),
+        NativeOutcome::Written,
+        "both halves in one frame"
+    );
     assert_eq!(orders(&rig), [(DIRECTION, 1), (RUN, 1)]);
     rig.pass(SECOND * 5);
     assert!(rig.output(1) < 0);
     // Reverse is forbidden by this configuration, and then by a coil as well.
-    let forward_only = ControlSettings { directions: vec![Direction::Forward], ..accepting() };
+    let forward_only = ControlSettings {
+        directions: vec![Direction::Forward],
+        ..accepting()
+    };
     let mut rig = ready(&coils(), forward_only);
     assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written);
     rig.pass(SECOND * 3);
     rig.sent.clear();
-    assert_eq!(write(&mut rig, RUN, &[1, 1]), refused(Reason::DirectionNotAllowed));
+    assert_eq!(
+        write(&mut rig, RUN, &[1, 1]),
+        refused(Reason::DirectionNotAllowed)
+    );
     assert_eq!(orders(&rig), []);
 }
 
@@ -255,9 +364,20 @@ fn each_table_is_read_by_its_own_function() {
     let mut rig = ready(&coils(), accepting());
     let mut read = |table, number, count| {
         rig.sent.clear();
-        let ticket = rig.ask(1, 0, NativeAsk::Read { address: Address::new(table, number), count });
+        let ticket = rig.ask(
+            1,
+            0,
+            NativeAsk::Read {
+                address: Address::new(table, number),
+                count,
+            },
+        );
         let outcome = rig.answer_to(ticket);
-        let function = rig.sent.iter().map(|sent| sent.pdu.clone()).find(|pdu| pdu[1..3] == number.to_be_bytes());
+        let function = rig
+            .sent
+            .iter()
+            .map(|sent| sent.pdu.clone())
+            .find(|pdu| pdu[1..3] == number.to_be_bytes());
         (outcome, function.map(|pdu| pdu[0]))
     };
     let words = |words: &[u16]| NativeOutcome::Words(words.into());

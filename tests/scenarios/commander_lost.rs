@@ -13,31 +13,72 @@ const RUN: u16 = 0x0002;
 const BOUND: Duration = Duration::from_millis(30);
 
 fn running(action: FailSafe, on_shutdown: FailSafe) -> Rig {
-    let settings =
-        vfd_gateway::domain::control::ControlSettings { on_commander_lost: action, on_shutdown, ..control() };
-    let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    let settings = vfd_gateway::domain::control::ControlSettings {
+        on_commander_lost: action,
+        on_shutdown,
+        ..control()
+    };
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(settings),
+        ..RigOptions::controlled()
+    });
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig
 }
 
 #[test]
 fn the_declared_action_starts_when_the_lease_ends() {
-    for (action, value) in [(FailSafe::Stop, Some(0)), (FailSafe::Coast, Some(3)), (FailSafe::Hold, None)] {
+    for (action, value) in [
+        (FailSafe::Stop, Some(0)),
+        (FailSafe::Coast, Some(3)),
+        (FailSafe::Hold, None),
+    ] {
         let mut rig = running(action, FailSafe::Hold);
         let (_, until) = rig.view(0).control.unwrap().lease.unwrap();
         rig.run_until(until + BOUND, |_, _| {});
-        let frames: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[1] == 6 && sent.frame[3] == 2).collect();
-        assert_eq!(rig.written(RUN), [Some(1), value].into_iter().flatten().collect::<Vec<_>>());
+        let frames: Vec<_> = rig
+            .sent
+            .iter()
+            .filter(|sent| sent.frame[1] == 6 && sent.frame[3] == 2)
+            .collect();
+        assert_eq!(
+            rig.written(RUN),
+            [Some(1), value].into_iter().flatten().collect::<Vec<_>>()
+        );
         if value.is_some() {
             let at = frames.last().unwrap().at;
-            assert!(at >= until && at.since(until) <= BOUND, "{action:?}: {:?}", at.since(until));
+            assert!(
+                at >= until && at.since(until) <= BOUND,
+                "{action:?}: {:?}",
+                at.since(until)
+            );
         }
-        let lost = Note::CommanderLost { owner: Owner::Mqtt, action };
-        assert!(rig.notes.iter().any(|(_, note)| *note == lost), "{:?}", rig.notes);
+        let lost = Note::CommanderLost {
+            owner: Owner::Mqtt,
+            action,
+        };
+        assert!(
+            rig.notes.iter().any(|(_, note)| *note == lost),
+            "{:?}",
+            rig.notes
+        );
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.lease, control.start_inhibited, control.failsafe.is_some()), (None, true, true));
+        assert_eq!(
+            (
+                control.lease,
+                control.start_inhibited,
+                control.failsafe.is_some()
+            ),
+            (None, true, true)
+        );
         rig.pass(Duration::from_secs(60));
-        assert_eq!(rig.output(1), if action == FailSafe::Hold { 3000 } else { 0 });
+        assert_eq!(
+            rig.output(1),
+            if action == FailSafe::Hold { 3000 } else { 0 }
+        );
     }
 }
 
@@ -60,23 +101,45 @@ fn heartbeats_keep_the_lease_and_only_those_of_the_owner() {
 
 #[test]
 fn a_sparkplug_host_keeps_control_by_its_own_heartbeats_alone() {
-    const HOST: Origin = Origin { owner: Owner::Sparkplug, ..MQTT };
+    const HOST: Origin = Origin {
+        owner: Owner::Sparkplug,
+        ..MQTT
+    };
     let mut rig = Rig::new(&RigOptions::controlled());
-    assert_eq!(rig.commanded(HOST, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(HOST, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     for _ in 0..10 {
         rig.pass(Duration::from_secs(1));
         rig.core.handle(rig.now, Input::PathAlive(Owner::Sparkplug));
     }
     assert_eq!(rig.written(RUN), [1]);
-    assert_eq!(rig.commanded(MQTT, setpoint(1000)), (Outcome::Refused, Reason::OtherOwner));
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(1000)),
+        (Outcome::Refused, Reason::OtherOwner)
+    );
     // The host is gone, while the path of the gateway's own topics is open.
     rig.live(Duration::from_secs(5));
     assert_eq!(rig.written(RUN), [1, 0]);
     let action = FailSafe::Stop;
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::CommanderLost { owner: Owner::Sparkplug, action }));
-    let read_only = vfd_gateway::domain::control::ControlSettings { from_sparkplug: false, ..control() };
-    let mut rig = Rig::new(&RigOptions { control: Some(read_only), ..RigOptions::controlled() });
-    assert_eq!(rig.commanded(HOST, STOP), (Outcome::Refused, Reason::NotFromHere));
+    assert!(rig.notes.iter().any(|(_, note)| *note
+        == Note::CommanderLost {
+            owner: Owner::Sparkplug,
+            action
+        }));
+    let read_only = vfd_gateway::domain::control::ControlSettings {
+        from_sparkplug: false,
+        ..control()
+    };
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(read_only),
+        ..RigOptions::controlled()
+    });
+    assert_eq!(
+        rig.commanded(HOST, STOP),
+        (Outcome::Refused, Reason::NotFromHere)
+    );
 }
 
 #[test]
@@ -93,8 +156,14 @@ fn a_drive_that_was_lost_starts_only_on_a_fresh_order() {
         );
     }
     // The drive is at rest, so nothing is sent; the controller has shown that it knows.
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Acknowledged, Reason::Unchanged));
-    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Acknowledged, Reason::Unchanged)
+    );
+    assert_eq!(
+        rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
 }
 
 #[test]
@@ -105,9 +174,22 @@ fn who_has_stopped_the_drive_has_nothing_to_lose() {
     rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
     rig.pass(Duration::from_secs(60));
     // The ramp may take longer than the lease: then the declared action runs, and nothing after it.
-    assert!(!rig.notes.iter().any(|(_, note)| matches!(note, Note::NotEffective)), "{:?}", rig.notes);
-    assert_eq!((rig.output(1), rig.view(0).control.unwrap().lease), (0, None));
-    assert_eq!(rig.commanded(plc(1), setpoint(1000)).0, Outcome::Confirmed, "control is free");
+    assert!(
+        !rig.notes
+            .iter()
+            .any(|(_, note)| matches!(note, Note::NotEffective)),
+        "{:?}",
+        rig.notes
+    );
+    assert_eq!(
+        (rig.output(1), rig.view(0).control.unwrap().lease),
+        (0, None)
+    );
+    assert_eq!(
+        rig.commanded(plc(1), setpoint(1000)).0,
+        Outcome::Confirmed,
+        "control is free"
+    );
 }
 
 #[test]
@@ -118,7 +200,12 @@ fn a_ramp_that_outlasts_the_lease_is_left_to_its_end() {
     rig.pass(Duration::from_millis(3500));
     assert!(rig.output(1) > 0, "it still ramps down");
     rig.pass(Duration::from_secs(30));
-    assert_eq!((rig.notes.len(), rig.written(RUN)), (0, vec![1, 0]), "{:?}", rig.notes);
+    assert_eq!(
+        (rig.notes.len(), rig.written(RUN)),
+        (0, vec![1, 0]),
+        "{:?}",
+        rig.notes
+    );
 }
 
 #[test]
@@ -128,19 +215,34 @@ fn a_drive_that_coasted_to_standstill_is_free() {
     assert_eq!(rig.commanded(MQTT, Order::Coast).0, Outcome::Confirmed);
     rig.pass(Duration::from_secs(30));
     assert_eq!(rig.notes, [], "nobody was lost");
-    assert_eq!((rig.written(RUN), rig.view(0).control.unwrap().lease), (vec![1, 3], None));
+    assert_eq!(
+        (rig.written(RUN), rig.view(0).control.unwrap().lease),
+        (vec![1, 3], None)
+    );
 }
 
 #[test]
 fn a_lease_ends_while_the_port_is_closed() {
     let mut rig = running(FailSafe::Stop, FailSafe::Stop);
-    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::LineFault::Gone));
+    rig.core.handle(
+        rig.now,
+        Input::PortDown(vfd_gateway::domain::report::LineFault::Gone),
+    );
     rig.pass(Duration::from_secs(10));
-    assert!(rig.notes.iter().any(|(_, note)| matches!(note, Note::CommanderLost { .. })), "{:?}", rig.notes);
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| matches!(note, Note::CommanderLost { .. })),
+        "{:?}",
+        rig.notes
+    );
     assert!(rig.view(0).control.unwrap().stop_pending);
     rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(40));
-    assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false));
+    assert_eq!(
+        (rig.output(1), rig.view(0).control.unwrap().stop_pending),
+        (0, false)
+    );
 }
 
 #[test]
@@ -155,8 +257,21 @@ fn what_waits_is_not_sent_for_a_commander_that_is_lost() {
     rig.pass(Duration::from_secs(10));
     rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
     rig.pass(Duration::from_secs(60));
-    assert!(matches!(rig.outcome_of(ticket).0, Outcome::Refused | Outcome::Unknown), "{:?}", rig.told(ticket));
-    assert!(rig.written(0x0004).iter().filter(|value| **value == 4000).count() <= 1);
+    assert!(
+        matches!(
+            rig.outcome_of(ticket).0,
+            Outcome::Refused | Outcome::Unknown
+        ),
+        "{:?}",
+        rig.told(ticket)
+    );
+    assert!(
+        rig.written(0x0004)
+            .iter()
+            .filter(|value| **value == 4000)
+            .count()
+            <= 1
+    );
 }
 
 #[test]
@@ -173,7 +288,10 @@ fn a_parameter_takes_no_control() {
     assert_eq!(rig.commanded(MQTT, Order::Go(go)).0, Outcome::Confirmed);
     assert_eq!(rig.view(0).control.unwrap().lease, None);
     rig.pass(Duration::from_secs(10));
-    assert!(rig.written(RUN).is_empty(), "a drive that somebody else runs is left alone");
+    assert!(
+        rig.written(RUN).is_empty(),
+        "a drive that somebody else runs is left alone"
+    );
 }
 
 #[test]
@@ -184,18 +302,28 @@ fn a_drive_out_of_sight_is_stopped_as_soon_as_it_is_back() {
     assert!(rig.view(0).control.unwrap().stop_pending);
     rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
     rig.pass(Duration::from_secs(40));
-    assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false));
+    assert_eq!(
+        (rig.output(1), rig.view(0).control.unwrap().stop_pending),
+        (0, false)
+    );
 }
 
 #[test]
 fn the_end_of_the_gateway_is_an_action_of_its_own() {
-    for (action, written) in [(FailSafe::Stop, vec![1, 0]), (FailSafe::Coast, vec![1, 3]), (FailSafe::Hold, vec![1])] {
+    for (action, written) in [
+        (FailSafe::Stop, vec![1, 0]),
+        (FailSafe::Coast, vec![1, 3]),
+        (FailSafe::Hold, vec![1]),
+    ] {
         let mut rig = running(FailSafe::Stop, action);
         rig.pass(Duration::from_secs(1));
         rig.core.handle(rig.now, Input::Shutdown);
         rig.settle();
         assert_eq!(rig.core.is_at_rest(), action == FailSafe::Hold);
-        assert_eq!(rig.commanded(MQTT, setpoint(1000)), (Outcome::Refused, Reason::ShuttingDown));
+        assert_eq!(
+            rig.commanded(MQTT, setpoint(1000)),
+            (Outcome::Refused, Reason::ShuttingDown)
+        );
         let limit = rig.now + Duration::from_secs(2);
         while !rig.core.is_at_rest() && rig.now < limit {
             rig.step(limit);
@@ -215,12 +343,21 @@ fn the_gateway_never_invents_motion() {
         drive.obey(now, &pdu);
     }
     rig.pass(Duration::from_secs(20));
-    rig.core.handle(rig.now, Input::PortDown(vfd_gateway::domain::report::LineFault::Gone));
+    rig.core.handle(
+        rig.now,
+        Input::PortDown(vfd_gateway::domain::report::LineFault::Gone),
+    );
     rig.pass(Duration::from_secs(5));
     rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     rig.pass(Duration::from_secs(20));
-    assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6), "nothing was written");
+    assert!(
+        rig.sent.iter().all(|sent| sent.frame[1] != 6),
+        "nothing was written"
+    );
     assert_eq!(rig.output(1), 3000);
-    assert_eq!(rig.view(0).run_state, vfd_gateway::drive::view::RunState::Running);
+    assert_eq!(
+        rig.view(0).run_state,
+        vfd_gateway::drive::view::RunState::Running
+    );
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop);
 }

@@ -2,7 +2,9 @@
 
 use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
-use vfd_gateway::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Rights, RunIntent};
+use vfd_gateway::domain::command::{
+    Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Rights, RunIntent,
+};
 use vfd_gateway::domain::command::{Manner, Origin};
 use vfd_gateway::domain::link::PortKind;
 use vfd_gateway::domain::native::{NativeAsk, NativeOutcome, Refusal};
@@ -29,12 +31,22 @@ fn a_setpoint_and_a_run_order_move_the_motor_and_are_reported_step_by_step() {
     let mut rig = rig();
     let ticket = rig.command(MQTT, 0, setpoint(4250));
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
-    let stages: Vec<_> = rig.told(ticket).iter().map(|(outcome, ..)| *outcome).collect();
+    let stages: Vec<_> = rig
+        .told(ticket)
+        .iter()
+        .map(|(outcome, ..)| *outcome)
+        .collect();
     assert_eq!(stages, [Outcome::Acknowledged, Outcome::Confirmed]);
-    assert_eq!(rig.commanded(MQTT, run(Forward, None)), (Outcome::Acknowledged, Reason::None));
+    assert_eq!(
+        rig.commanded(MQTT, run(Forward, None)),
+        (Outcome::Acknowledged, Reason::None)
+    );
     rig.live(Duration::from_secs(20));
     assert_eq!(rig.output(1), 4250);
-    assert_eq!((rig.written(FREQUENCY), rig.written(RUN)), (vec![4250], vec![1]));
+    assert_eq!(
+        (rig.written(FREQUENCY), rig.written(RUN)),
+        (vec![4250], vec![1])
+    );
 }
 
 #[test]
@@ -42,7 +54,10 @@ fn who_lives_keeps_control() {
     let mut rig = rig();
     rig.commanded(MQTT, run(Forward, Some(3000)));
     rig.live(Duration::from_secs(30));
-    assert_eq!((rig.output(1), rig.view(0).run_state), (3000, RunState::Forward));
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (3000, RunState::Forward)
+    );
     assert_eq!(rig.written(RUN), [1]);
 }
 
@@ -64,7 +79,10 @@ fn a_port_that_opens_again_never_repeats_a_run_order() {
 
 #[test]
 fn what_is_refused_puts_nothing_on_the_line() {
-    let none = Rights { write: false, stop: false };
+    let none = Rights {
+        write: false,
+        stop: false,
+    };
     let cases: &[(Origin, Order, Reason)] = &[
         (MQTT, setpoint(5001), Reason::OutsideLimits),
         (MQTT, setpoint(499), Reason::OutsideLimits),
@@ -73,8 +91,22 @@ fn what_is_refused_puts_nothing_on_the_line() {
         (MQTT, Order::Reset, Reason::NotTripped),
         (MQTT, register(0x0211, 3), Reason::NotListed),
         (plc(1), run(Forward, Some(3000)), Reason::StartInhibited),
-        (Origin { rights: none, ..plc(1) }, STOP, Reason::NotAllowed),
-        (Origin { rights: none, ..plc(1) }, Order::Renew, Reason::NotAllowed),
+        (
+            Origin {
+                rights: none,
+                ..plc(1)
+            },
+            STOP,
+            Reason::NotAllowed,
+        ),
+        (
+            Origin {
+                rights: none,
+                ..plc(1)
+            },
+            Order::Renew,
+            Reason::NotAllowed,
+        ),
     ];
     for (origin, order, reason) in cases {
         let mut rig = rig();
@@ -86,15 +118,32 @@ fn what_is_refused_puts_nothing_on_the_line() {
         }
         let (outcome, why) = rig.commanded(*origin, order.clone());
         assert_eq!((outcome, why), (Outcome::Refused, *reason), "{order:?}");
-        assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6), "{order:?}: {:02X?}", rig.frames());
+        assert!(
+            rig.sent.iter().all(|sent| sent.frame[1] != 6),
+            "{order:?}: {:02X?}",
+            rig.frames()
+        );
     }
 }
 
 #[test]
 fn without_a_control_section_everything_is_refused() {
-    let mut rig = Rig::new(&RigOptions { control: None, ..RigOptions::controlled() });
-    for order in [STOP, Order::Coast, Order::Reset, Order::Renew, setpoint(1000), run(Forward, Some(1000))] {
-        assert_eq!(rig.commanded(MQTT, order), (Outcome::Refused, Reason::ReadOnly));
+    let mut rig = Rig::new(&RigOptions {
+        control: None,
+        ..RigOptions::controlled()
+    });
+    for order in [
+        STOP,
+        Order::Coast,
+        Order::Reset,
+        Order::Renew,
+        setpoint(1000),
+        run(Forward, Some(1000)),
+    ] {
+        assert_eq!(
+            rig.commanded(MQTT, order),
+            (Outcome::Refused, Reason::ReadOnly)
+        );
     }
 }
 
@@ -103,53 +152,110 @@ fn a_side_and_a_direction_that_are_not_named_are_refused() {
     let mut settings = control();
     settings.from_mqtt = false;
     settings.directions = vec![Forward];
-    let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Refused, Reason::NotFromHere));
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(settings),
+        ..RigOptions::controlled()
+    });
+    assert_eq!(
+        rig.commanded(MQTT, STOP),
+        (Outcome::Refused, Reason::NotFromHere)
+    );
     rig.commanded(plc(1), STOP);
-    assert_eq!(rig.commanded(plc(1), run(Reverse, Some(1000))), (Outcome::Refused, Reason::DirectionNotAllowed));
+    assert_eq!(
+        rig.commanded(plc(1), run(Reverse, Some(1000))),
+        (Outcome::Refused, Reason::DirectionNotAllowed)
+    );
 }
 
 #[test]
 fn a_controller_acts_by_change_and_its_repeats_stay_off_the_line() {
     let mut rig = rig();
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None), "the first stop is sent");
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None),
+        "the first stop is sent"
+    );
     for _ in 0..5 {
-        assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Acknowledged, Reason::Unchanged));
+        assert_eq!(
+            rig.commanded(plc(1), STOP),
+            (Outcome::Acknowledged, Reason::Unchanged)
+        );
     }
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(plc(1), run(Forward, Some(2000))).0,
+        Outcome::Acknowledged
+    );
     for _ in 0..20 {
         rig.pass(Duration::from_millis(500));
         let again = rig.commanded(plc(1), run(Forward, Some(2000)));
-        assert_eq!(again, (Outcome::Acknowledged, Reason::Unchanged), "a repeat renews the lease");
+        assert_eq!(
+            again,
+            (Outcome::Acknowledged, Reason::Unchanged),
+            "a repeat renews the lease"
+        );
     }
-    assert_eq!((rig.written(RUN), rig.written(FREQUENCY)), (vec![0, 1], vec![2000]));
+    assert_eq!(
+        (rig.written(RUN), rig.written(FREQUENCY)),
+        (vec![0, 1], vec![2000])
+    );
     rig.commanded(plc(1), run(Forward, Some(2500)));
-    assert_eq!((rig.written(RUN), rig.written(FREQUENCY)), (vec![0, 1], vec![2000, 2500]), "only what changes");
+    assert_eq!(
+        (rig.written(RUN), rig.written(FREQUENCY)),
+        (vec![0, 1], vec![2000, 2500]),
+        "only what changes"
+    );
 }
 
 #[test]
 fn a_setpoint_beside_a_stop_is_not_taken() {
     let mut rig = rig();
-    let both = Order::Stop { setpoint: Some(vfd_gateway::domain::frequency::Hertz::from_centihertz(2000)) };
-    assert_eq!(rig.commanded(plc(1), both.clone()), (Outcome::Confirmed, Reason::None));
+    let both = Order::Stop {
+        setpoint: Some(vfd_gateway::domain::frequency::Hertz::from_centihertz(2000)),
+    };
+    assert_eq!(
+        rig.commanded(plc(1), both.clone()),
+        (Outcome::Confirmed, Reason::None)
+    );
     assert_eq!(rig.view(0).control.unwrap().setpoint, None);
     assert_eq!(rig.commanded(plc(1), both).1, Reason::Unchanged);
     assert_eq!(rig.view(0).control.unwrap().setpoint, None);
-    assert_eq!((rig.written(RUN), rig.written(FREQUENCY)), (vec![0], vec![]));
+    assert_eq!(
+        (rig.written(RUN), rig.written(FREQUENCY)),
+        (vec![0], vec![])
+    );
 }
 
 #[test]
 fn control_has_one_owner_and_a_stop_by_another_ends_it() {
     let mut rig = rig();
     rig.commanded(MQTT, run(Forward, Some(3000)));
-    assert_eq!(rig.commanded(plc(1), setpoint(2000)), (Outcome::Refused, Reason::OtherOwner));
-    assert_eq!(rig.view(0).control.unwrap().lease.map(|(owner, _)| owner), Some(Owner::Mqtt));
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(plc(1), setpoint(2000)),
+        (Outcome::Refused, Reason::OtherOwner)
+    );
+    assert_eq!(
+        rig.view(0).control.unwrap().lease.map(|(owner, _)| owner),
+        Some(Owner::Mqtt)
+    );
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     let control = rig.view(0).control.unwrap();
     assert_eq!((control.lease, control.intent), (None, RunIntent::Stop));
-    assert_eq!(rig.commanded(MQTT, run(Forward, None)), (Outcome::Refused, Reason::RestartDelay));
-    assert_eq!(rig.commanded(plc(2), run(Forward, Some(3000))), (Outcome::Refused, Reason::StartInhibited));
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(3000))).0, Outcome::Acknowledged, "who stopped may start");
+    assert_eq!(
+        rig.commanded(MQTT, run(Forward, None)),
+        (Outcome::Refused, Reason::RestartDelay)
+    );
+    assert_eq!(
+        rig.commanded(plc(2), run(Forward, Some(3000))),
+        (Outcome::Refused, Reason::StartInhibited)
+    );
+    assert_eq!(
+        rig.commanded(plc(1), run(Forward, Some(3000))).0,
+        Outcome::Acknowledged,
+        "who stopped may start"
+    );
 }
 
 #[test]
@@ -157,10 +263,20 @@ fn a_refused_write_is_reported_with_the_value_that_the_drive_kept() {
     let mut rig = rig();
     // The drive takes its run commands from the panel.
     let now = rig.now;
-    rig.bus.drive_mut(vfd_gateway::domain::ids::Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
+    rig.bus
+        .drive_mut(vfd_gateway::domain::ids::Station(1))
+        .unwrap()
+        .set_locally(now, 0x0212_u16.into(), 2);
     let ticket = rig.command(MQTT, 0, run(Forward, Some(3000)));
-    assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
-    assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "what the drive refused is no intent");
+    assert_eq!(
+        rig.outcome_of(ticket),
+        (Outcome::Failed, Reason::KeptOldValue)
+    );
+    assert_eq!(
+        rig.view(0).control.unwrap().intent,
+        RunIntent::Stop,
+        "what the drive refused is no intent"
+    );
     assert_eq!(rig.reports.last().unwrap().1.report.held, Some(0));
 }
 
@@ -168,14 +284,23 @@ fn a_refused_write_is_reported_with_the_value_that_the_drive_kept() {
 fn run_without_a_setpoint_tells_a_silent_drive_from_a_setting_outside_the_limits() {
     let mut rig = rig();
     let ticket = rig.command(MQTT, 0, run(Forward, None));
-    assert_eq!(rig.outcome_of(ticket), (Outcome::Refused, Reason::SetpointUnknown));
-    assert_eq!(rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(), [Note::SetpointOutside]);
+    assert_eq!(
+        rig.outcome_of(ticket),
+        (Outcome::Refused, Reason::SetpointUnknown)
+    );
+    assert_eq!(
+        rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(),
+        [Note::SetpointOutside]
+    );
     for faults in ["flip=1000", "lost=1000"] {
         rig.notes.clear();
         rig.bus.set_faults(faults.parse().unwrap());
         let ticket = rig.command(MQTT, 0, run(Forward, None));
         let (outcome, reason) = rig.outcome_of(ticket);
-        assert!(matches!(reason, Reason::NoReply | Reason::Offline | Reason::TooLate), "{faults}: {reason:?}");
+        assert!(
+            matches!(reason, Reason::NoReply | Reason::Offline | Reason::TooLate),
+            "{faults}: {reason:?}"
+        );
         assert!(matches!(outcome, Outcome::Refused | Outcome::Expired));
         assert!(rig.notes.is_empty() && rig.written(RUN).is_empty());
     }
@@ -192,7 +317,11 @@ fn a_lost_reply_is_reported_as_unknown_and_settled_by_reading() {
         rig.loses_reply_to = Some(6);
         let ticket = rig.command(MQTT, 0, order.clone());
         assert_eq!(rig.outcome_of(ticket), last, "{order:?}");
-        assert_eq!(rig.written(RUN).len() + rig.written(FREQUENCY).len(), 2, "no write is repeated");
+        assert_eq!(
+            rig.written(RUN).len() + rig.written(FREQUENCY).len(),
+            2,
+            "no write is repeated"
+        );
     }
 }
 
@@ -212,7 +341,14 @@ fn after_a_lost_reply_the_setpoint_before_it_is_no_longer_in_force() {
         rig.pass(Duration::from_secs(2));
         rig.bus.set_faults(FaultPlan::NONE);
         rig.pass(Duration::from_secs(3));
-        assert_eq!(rig.outcome_of(lost).0, if is_read { Outcome::Confirmed } else { Outcome::Unknown });
+        assert_eq!(
+            rig.outcome_of(lost).0,
+            if is_read {
+                Outcome::Confirmed
+            } else {
+                Outcome::Unknown
+            }
+        );
         let never_sent = if is_read { 3000 } else { 3500 };
         rig.command_unsettled(plc(1), 0, setpoint(never_sent));
         rig.reopen();
@@ -232,22 +368,45 @@ fn a_command_past_its_deadline_never_reaches_the_wire() {
     let ticket = rig.command(MQTT, 0, setpoint(2000));
     // Every reply is lost, so the wire is busy and the station in doubt until the drive counts as offline.
     let (outcome, _) = rig.outcome_of(ticket);
-    assert!(matches!(outcome, Outcome::Expired | Outcome::Unknown | Outcome::Refused), "{outcome:?}");
-    let sent_at = rig.sent.iter().find(|sent| sent.frame[1] == 6).map(|sent| sent.at);
+    assert!(
+        matches!(
+            outcome,
+            Outcome::Expired | Outcome::Unknown | Outcome::Refused
+        ),
+        "{outcome:?}"
+    );
+    let sent_at = rig
+        .sent
+        .iter()
+        .find(|sent| sent.frame[1] == 6)
+        .map(|sent| sent.at);
     let commanded_at = rig.reports.last().map(|(at, _)| *at).unwrap();
-    assert!(sent_at.is_none_or(|at| at < commanded_at), "{:02X?}", rig.frames());
+    assert!(
+        sent_at.is_none_or(|at| at < commanded_at),
+        "{:02X?}",
+        rig.frames()
+    );
 }
 
 #[test]
 fn the_newest_setpoint_wins_and_the_line_stays_usable() {
     let mut rig = rig();
-    let tickets: Vec<_> = (1000..1200).map(|centihertz| rig.command(MQTT, 0, setpoint(centihertz))).collect();
+    let tickets: Vec<_> = (1000..1200)
+        .map(|centihertz| rig.command(MQTT, 0, setpoint(centihertz)))
+        .collect();
     let last = *tickets.last().unwrap();
     assert_eq!(rig.outcome_of(last).0, Outcome::Confirmed);
-    let superseded = tickets.iter().filter(|ticket| rig.told(**ticket).last().unwrap().1 == Reason::Newer).count();
+    let superseded = tickets
+        .iter()
+        .filter(|ticket| rig.told(**ticket).last().unwrap().1 == Reason::Newer)
+        .count();
     assert!(superseded >= 197, "{superseded}");
     assert_eq!(rig.written(FREQUENCY).last(), Some(&1199));
-    assert!(tickets.iter().all(|ticket| rig.told(*ticket).iter().filter(|(.., last)| *last).count() == 1));
+    assert!(
+        tickets
+            .iter()
+            .all(|ticket| rig.told(*ticket).iter().filter(|(.., last)| *last).count() == 1)
+    );
 }
 
 #[test]
@@ -260,7 +419,10 @@ fn setpoints_leave_every_second_exchange_to_others() {
         rig.step(rig.now + Duration::from_millis(50));
     }
     let starts: Vec<bool> = rig.sent.iter().map(|sent| sent.frame[1] == 6).collect();
-    assert!(starts.windows(2).all(|pair| !(pair[0] && pair[1])), "two setpoints in a row");
+    assert!(
+        starts.windows(2).all(|pair| !(pair[0] && pair[1])),
+        "two setpoints in a row"
+    );
 }
 
 #[test]
@@ -268,10 +430,16 @@ fn a_running_motor_is_not_reversed_in_silence() {
     let mut rig = rig();
     rig.commanded(MQTT, run(Forward, Some(3000)));
     rig.pass(Duration::from_secs(1));
-    assert_eq!(rig.commanded(MQTT, run(Reverse, None)), (Outcome::Refused, Reason::Reversal));
+    assert_eq!(
+        rig.commanded(MQTT, run(Reverse, None)),
+        (Outcome::Refused, Reason::Reversal)
+    );
     rig.commanded(MQTT, STOP);
     rig.pass(Duration::from_secs(40));
-    assert_eq!(rig.commanded(MQTT, run(Reverse, None)).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Reverse, None)).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(2));
     assert!(rig.output(1) < 0);
 }
@@ -279,7 +447,14 @@ fn a_running_motor_is_not_reversed_in_silence() {
 #[test]
 fn native_writes_are_reviewed_like_every_other_command() {
     let write = |rig: &mut Rig, address, values: &[u16]| {
-        let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: values.to_vec() });
+        let ticket = rig.ask(
+            1,
+            0,
+            NativeAsk::Write {
+                address,
+                values: values.to_vec(),
+            },
+        );
         rig.answer_to(ticket)
     };
     let refused = |reason| NativeOutcome::Refused(Refusal::Guard(reason));
@@ -292,15 +467,26 @@ fn native_writes_are_reviewed_like_every_other_command() {
         (0x0211, &[3], Reason::NotAllowed),
         (0x0203, &[1], Reason::NotListed),
     ] {
-        assert_eq!(write(&mut rig, address.into(), values), refused(reason), "{address:04X}");
+        assert_eq!(
+            write(&mut rig, address.into(), values),
+            refused(reason),
+            "{address:04X}"
+        );
     }
     assert!(rig.sent.iter().all(|sent| sent.frame[1] != 6));
     assert_eq!(write(&mut rig, RUN.into(), &[0]), NativeOutcome::Written);
     rig.pass(Duration::from_millis(200));
-    assert_eq!(write(&mut rig, FREQUENCY.into(), &[3000]), NativeOutcome::Written);
+    assert_eq!(
+        write(&mut rig, FREQUENCY.into(), &[3000]),
+        NativeOutcome::Written
+    );
     rig.pass(Duration::from_secs(1));
     assert_eq!(write(&mut rig, RUN.into(), &[1]), NativeOutcome::Written);
-    assert_eq!(write(&mut rig, 0x020C_u16.into(), &[50]), NativeOutcome::Written, "F007 is listed");
+    assert_eq!(
+        write(&mut rig, 0x020C_u16.into(), &[50]),
+        NativeOutcome::Written,
+        "F007 is listed"
+    );
     rig.pass(Duration::from_secs(1));
     assert!(rig.output(1) > 0);
 }
@@ -311,9 +497,11 @@ fn an_epoch_or_a_moment_of_issue_lets_a_message_start_at_once() {
     rig.commanded(MQTT, setpoint(2000));
     rig.commanded(MQTT, STOP);
     let epoch = rig.view(0).control.unwrap().epoch;
-    for (named, reason) in
-        [(Some(epoch - 1), Reason::StaleEpoch), (None, Reason::RestartDelay), (Some(epoch), Reason::None)]
-    {
+    for (named, reason) in [
+        (Some(epoch - 1), Reason::StaleEpoch),
+        (None, Reason::RestartDelay),
+        (Some(epoch), Reason::None),
+    ] {
         let ticket = rig.command_with(MQTT, 0, run(Forward, None), |command| command.epoch = named);
         assert_eq!(rig.outcome_of(ticket).1, reason, "{named:?}");
     }
@@ -345,8 +533,18 @@ fn the_last_outcome_is_that_of_the_newest_command() {
     let stop = rig.command(plc(1), 0, STOP);
     let refused = rig.command(plc(1), 0, setpoint(2000));
     assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed);
-    assert_eq!(rig.outcome_of(refused), (Outcome::Refused, Reason::StopPending));
-    assert_eq!(rig.view(0).control.unwrap().last.map(|report| report.reason), Some(Reason::StopPending));
+    assert_eq!(
+        rig.outcome_of(refused),
+        (Outcome::Refused, Reason::StopPending)
+    );
+    assert_eq!(
+        rig.view(0)
+            .control
+            .unwrap()
+            .last
+            .map(|report| report.reason),
+        Some(Reason::StopPending)
+    );
 }
 
 #[test]

@@ -24,7 +24,10 @@ const SAVE: (u16, u16) = (0x0201, 2);
 
 fn rig_with(text: &str, stores_native_writes: bool) -> Rig {
     let model = Arc::new(check::model(text).unwrap());
-    let control = ControlSettings { stores_native_writes, ..listing(vec![ACCELERATION, DECELERATION]) };
+    let control = ControlSettings {
+        stores_native_writes,
+        ..listing(vec![ACCELERATION, DECELERATION])
+    };
     let mut rig = Rig::new(&options_of(&model, control));
     assert_eq!(rig.commanded(MQTT, STOP), CONFIRMED);
     rig.live(SECOND * 4);
@@ -39,13 +42,19 @@ fn at_rest() -> Rig {
 /// The same without the word that applies.
 fn without_apply() -> String {
     let (before, apply) = MODEL.split_once("[commit.apply]").unwrap();
-    format!("{before}{}", &apply[apply.find("[commit.store]").unwrap()..])
+    format!(
+        "{before}{}",
+        &apply[apply.find("[commit.store]").unwrap()..]
+    )
 }
 
 /// Address and word of all writes so far, in order.
 fn writes(rig: &Rig) -> Vec<(u16, u16)> {
     let word = |bytes: &[u8]| u16::from_be_bytes([bytes[0], bytes[1]]);
-    rig.writes().iter().map(|pdu| (word(&pdu[1..]), word(&pdu[3..]))).collect()
+    rig.writes()
+        .iter()
+        .map(|pdu| (word(&pdu[1..]), word(&pdu[3..])))
+        .collect()
 }
 
 fn held(rig: &mut Rig, address: u16) -> u16 {
@@ -74,33 +83,57 @@ fn a_native_write_is_applied_and_lost_with_the_power() {
     let mut rig = at_rest();
     assert_eq!(write(&mut rig, ACCELERATION, &[77]), NativeOutcome::Written);
     assert_eq!(writes(&rig), [(ACCELERATION, 77), ENTER]);
-    assert_eq!(held(&mut rig, ACCELERATION), 77, "without the word the drive would show what it was");
+    assert_eq!(
+        held(&mut rig, ACCELERATION),
+        77,
+        "without the word the drive would show what it was"
+    );
     // Also while the motor turns, and as often as wished.
     rig.live(SECOND);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED
+    );
     rig.sent.clear();
     assert_eq!(rig.commanded(MQTT, register(ACCELERATION, 78)), CONFIRMED);
     assert_eq!(writes(&rig), [(ACCELERATION, 78), ENTER]);
     rig.sent.clear();
     power_cycle(&mut rig);
     assert_ne!(held(&mut rig, ACCELERATION), 78);
-    assert_eq!(writes(&rig).iter().filter(|it| [ENTER, SAVE].contains(it)).count(), 0);
+    assert_eq!(
+        writes(&rig)
+            .iter()
+            .filter(|it| [ENTER, SAVE].contains(it))
+            .count(),
+        0
+    );
 }
 
 #[test]
 fn orders_to_move_are_never_followed_by_it_and_never_beside_it() {
     let mut rig = rig_with(MODEL, true);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED
+    );
     assert_eq!(rig.commanded(MQTT, setpoint(2000)), CONFIRMED);
     assert_eq!(rig.commanded(MQTT, STOP), CONFIRMED);
     rig.live(SECOND * 20);
     let sent = writes(&rig);
-    assert!(!sent.iter().any(|(address, _)| [ENTER.0, SAVE.0].contains(address)), "{sent:?}");
+    assert!(
+        !sent
+            .iter()
+            .any(|(address, _)| [ENTER.0, SAVE.0].contains(address)),
+        "{sent:?}"
+    );
     for stores in [false, true] {
         let mut rig = rig_with(MODEL, stores);
         let parameter = RegisterWrite::new(ACCELERATION, 77);
         let both = Go::new(vec![parameter], None, Some(Direction::Forward)).unwrap();
-        assert_eq!(rig.commanded(MQTT, Order::Go(both)), (Outcome::Refused, Reason::Conflict));
+        assert_eq!(
+            rig.commanded(MQTT, Order::Go(both)),
+            (Outcome::Refused, Reason::Conflict)
+        );
         assert_eq!(writes(&rig), []);
     }
 }
@@ -108,10 +141,17 @@ fn orders_to_move_are_never_followed_by_it_and_never_beside_it() {
 #[test]
 fn a_block_of_parameters_is_followed_by_one_word() {
     let mut rig = rig_with(MODEL, true);
-    assert_eq!(write(&mut rig, ACCELERATION, &[77, 88]), NativeOutcome::Written);
+    assert_eq!(
+        write(&mut rig, ACCELERATION, &[77, 88]),
+        NativeOutcome::Written
+    );
     assert_eq!(writes(&rig), [(ACCELERATION, 77), (DECELERATION, 88), SAVE]);
     power_cycle(&mut rig);
-    assert_eq!((held(&mut rig, ACCELERATION), held(&mut rig, DECELERATION)), (77, 88), "it outlasts the power");
+    assert_eq!(
+        (held(&mut rig, ACCELERATION), held(&mut rig, DECELERATION)),
+        (77, 88),
+        "it outlasts the power"
+    );
 }
 
 #[test]
@@ -120,15 +160,28 @@ fn what_stores_is_sent_at_standstill_alone_and_no_more_often_than_a_memory_lasts
     assert_eq!(write(&mut rig, ACCELERATION, &[77]), NativeOutcome::Written);
     rig.live(SECOND * 2);
     rig.sent.clear();
-    assert_eq!(write(&mut rig, DECELERATION, &[77]), refused(Reason::WrittenTooOften));
-    assert_eq!(writes(&rig), [], "a parameter that would not be stored is not written");
+    assert_eq!(
+        write(&mut rig, DECELERATION, &[77]),
+        refused(Reason::WrittenTooOften)
+    );
+    assert_eq!(
+        writes(&rig),
+        [],
+        "a parameter that would not be stored is not written"
+    );
     rig.live(SECOND * 9);
     assert_eq!(write(&mut rig, DECELERATION, &[77]), NativeOutcome::Written);
     rig.live(SECOND * 11);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED
+    );
     rig.live(SECOND * 2);
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, register(ACCELERATION, 99)), (Outcome::Refused, Reason::Moving));
+    assert_eq!(
+        rig.commanded(MQTT, register(ACCELERATION, 99)),
+        (Outcome::Refused, Reason::Moving)
+    );
     assert_eq!(writes(&rig), []);
 }
 
@@ -136,7 +189,11 @@ fn what_stores_is_sent_at_standstill_alone_and_no_more_often_than_a_memory_lasts
 fn what_stores_is_heard_although_the_drive_is_deaf_afterwards() {
     let mut rig = rig_with(&without_apply(), true);
     let ticket = rig.command(MQTT, 0, register(ACCELERATION, 77));
-    assert_eq!(rig.outcome_of(ticket), CONFIRMED, "it is read back when the drive hears again");
+    assert_eq!(
+        rig.outcome_of(ticket),
+        CONFIRMED,
+        "it is read back when the drive hears again"
+    );
     assert_eq!(writes(&rig), [(ACCELERATION, 77), SAVE]);
     power_cycle(&mut rig);
     assert_eq!(held(&mut rig, ACCELERATION), 77);
@@ -148,29 +205,60 @@ fn a_person_restores_one_after_the_other_and_stores_once() {
     for (address, word) in [(ACCELERATION, 77), (DECELERATION, 88)] {
         assert_eq!(rig.commanded(LOCAL, register(address, word)), CONFIRMED);
     }
-    assert_eq!(rig.commanded(LOCAL, commit(SAVE)), (Outcome::Acknowledged, Reason::None));
-    assert_eq!(writes(&rig), [(ACCELERATION, 77), ENTER, (DECELERATION, 88), ENTER, SAVE]);
-    assert_eq!(rig.commanded(LOCAL, commit(SAVE)), (Outcome::Refused, Reason::WrittenTooOften));
+    assert_eq!(
+        rig.commanded(LOCAL, commit(SAVE)),
+        (Outcome::Acknowledged, Reason::None)
+    );
+    assert_eq!(
+        writes(&rig),
+        [(ACCELERATION, 77), ENTER, (DECELERATION, 88), ENTER, SAVE]
+    );
+    assert_eq!(
+        rig.commanded(LOCAL, commit(SAVE)),
+        (Outcome::Refused, Reason::WrittenTooOften)
+    );
     power_cycle(&mut rig);
-    assert_eq!((held(&mut rig, ACCELERATION), held(&mut rig, DECELERATION)), (77, 88));
+    assert_eq!(
+        (held(&mut rig, ACCELERATION), held(&mut rig, DECELERATION)),
+        (77, 88)
+    );
     // With another word it is no commit, and no client may send any.
-    assert_eq!(rig.commanded(LOCAL, commit((SAVE.0, 1))), (Outcome::Refused, Reason::NotAllowed));
-    assert_eq!(rig.commanded(ORIGIN, commit(SAVE)), (Outcome::Refused, Reason::NotListed));
+    assert_eq!(
+        rig.commanded(LOCAL, commit((SAVE.0, 1))),
+        (Outcome::Refused, Reason::NotAllowed)
+    );
+    assert_eq!(
+        rig.commanded(ORIGIN, commit(SAVE)),
+        (Outcome::Refused, Reason::NotListed)
+    );
     rig.live(SECOND * 11);
     assert_eq!(rig.commanded(MQTT, STOP), CONFIRMED);
     rig.live(SECOND * 4);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED
+    );
     rig.live(SECOND);
-    assert_eq!(rig.commanded(LOCAL, commit(SAVE)), (Outcome::Refused, Reason::OtherOwner), "while somebody runs it");
+    assert_eq!(
+        rig.commanded(LOCAL, commit(SAVE)),
+        (Outcome::Refused, Reason::OtherOwner),
+        "while somebody runs it"
+    );
 }
 
 #[test]
 fn what_is_enabled_is_stored() {
     let mut rig = at_rest();
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, SOURCE.into(), 0);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, SOURCE.into(), 0);
     rig.live(SECOND);
-    assert_eq!(rig.commanded(LOCAL, Order::Setup(vec![SOURCE.into()])), CONFIRMED);
+    assert_eq!(
+        rig.commanded(LOCAL, Order::Setup(vec![SOURCE.into()])),
+        CONFIRMED
+    );
     assert_eq!(writes(&rig), [(SOURCE, 2), SAVE]);
     power_cycle(&mut rig);
     assert_eq!(held(&mut rig, SOURCE), 2);
@@ -185,15 +273,36 @@ fn a_word_that_the_drive_does_not_take_is_told() {
         rig.step(rig.now + SECOND);
     }
     rig.bus.drive_mut(Station(1)).unwrap().object(Locked, 1);
-    assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::NotCommitted));
-    let report = rig.reports.iter().rev().find(|(_, answer)| answer.ticket == ticket).unwrap().1.report;
+    assert_eq!(
+        rig.outcome_of(ticket),
+        (Outcome::Failed, Reason::NotCommitted)
+    );
+    let report = rig
+        .reports
+        .iter()
+        .rev()
+        .find(|(_, answer)| answer.ticket == ticket)
+        .unwrap()
+        .1
+        .report;
     assert_eq!(report.exception, Some(7));
-    assert_eq!(writes(&rig), [(ACCELERATION, 77), SAVE], "it is not tried again");
+    assert_eq!(
+        writes(&rig),
+        [(ACCELERATION, 77), SAVE],
+        "it is not tried again"
+    );
 
     let mut rig = rig_with(MODEL, true);
     rig.swallows = Some(vec![6, 0x02, 0x01, 0x00, 0x02]);
-    assert_eq!(rig.commanded(MQTT, register(ACCELERATION, 77)), (Outcome::Unknown, Reason::NotCommitted));
-    assert_eq!(writes(&rig).iter().filter(|it| **it == SAVE).count(), 1, "it is sent once");
+    assert_eq!(
+        rig.commanded(MQTT, register(ACCELERATION, 77)),
+        (Outcome::Unknown, Reason::NotCommitted)
+    );
+    assert_eq!(
+        writes(&rig).iter().filter(|it| **it == SAVE).count(),
+        1,
+        "it is sent once"
+    );
 }
 
 #[test]
@@ -203,6 +312,9 @@ fn a_word_that_is_unproven_is_never_sent() {
     let mut rig = rig_with(&text, true);
     assert_eq!(write(&mut rig, ACCELERATION, &[77]), NativeOutcome::Written);
     assert_eq!(rig.commanded(LOCAL, register(DECELERATION, 88)), CONFIRMED);
-    assert_eq!(rig.commanded(LOCAL, commit(SAVE)), (Outcome::Refused, Reason::NotAllowed));
+    assert_eq!(
+        rig.commanded(LOCAL, commit(SAVE)),
+        (Outcome::Refused, Reason::NotAllowed)
+    );
     assert_eq!(writes(&rig), [(ACCELERATION, 77), (DECELERATION, 88)]);
 }

@@ -14,21 +14,36 @@ const OUTPUT_FREQUENCY: u16 = 0x0101;
 const FREQUENCY_SETTING: u16 = 0x0201;
 
 fn rig(drives: u8) -> Rig {
-    Rig::new(&RigOptions { drives, tells_traffic: true, ..RigOptions::default() })
+    Rig::new(&RigOptions {
+        drives,
+        tells_traffic: true,
+        ..RigOptions::default()
+    })
 }
 
 /// Everything since `begun`, in the order in which it happened.
 fn told(rig: &Rig, begun: MonoTime) -> String {
     let mut lines: Vec<(MonoTime, String)> = Vec::new();
     for record in &rig.traffic {
-        let bytes = record.bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ");
+        let bytes = record
+            .bytes
+            .iter()
+            .map(|byte| format!("{byte:02X}"))
+            .collect::<Vec<_>>()
+            .join(" ");
         let (arrow, what) = match record.kind {
             TrafficKind::Request => ("->", meaning(&record.bytes)),
             TrafficKind::Reply => ("<-", "the reply".to_owned()),
-            TrafficKind::Stray(station) => ("<-", format!("stray: station {station}, not the answer")),
-            TrafficKind::Foreign(station) => ("<-", format!("foreign: station {station} was not asked")),
+            TrafficKind::Stray(station) => {
+                ("<-", format!("stray: station {station}, not the answer"))
+            }
+            TrafficKind::Foreign(station) => {
+                ("<-", format!("foreign: station {station} was not asked"))
+            }
             TrafficKind::Echo => ("<--", "echo".to_owned()),
-            TrafficKind::OtherMaster(station) => ("<--", format!("request of somebody else to {}", station.0)),
+            TrafficKind::OtherMaster(station) => {
+                ("<--", format!("request of somebody else to {}", station.0))
+            }
             TrafficKind::Noise => ("<-", "noise".to_owned()),
         };
         lines.push((record.at(), format!("{arrow} {bytes:<30} {what}")));
@@ -43,14 +58,20 @@ fn told(rig: &Rig, begun: MonoTime) -> String {
     lines.sort_by_key(|(at, _)| *at);
     let mut text = String::new();
     for (at, line) in lines {
-        let _ = writeln!(text, "{:>9.3} ms {line}", at.since(begun).as_secs_f64() * 1e3);
+        let _ = writeln!(
+            text,
+            "{:>9.3} ms {line}",
+            at.since(begun).as_secs_f64() * 1e3
+        );
     }
     text
 }
 
 fn meaning(frame: &[u8]) -> String {
     match Request::decode(&frame[1..frame.len() - 2]) {
-        Some(Request::Read { address, count }) => format!("station {}: read {address} x{count}", frame[0]),
+        Some(Request::Read { address, count }) => {
+            format!("station {}: read {address} x{count}", frame[0])
+        }
         other => format!("{other:?}"),
     }
 }
@@ -76,7 +97,14 @@ fn three_clients_ask_and_two_share() {
     rig.read(1, 1, FREQUENCY_SETTING, 1);
     rig.read(2, 0, 0x0211, 2);
     rig.read(3, 1, FREQUENCY_SETTING, 1);
-    rig.ask(3, 0, NativeAsk::Write { address: 0x0002_u16.into(), values: vec![1] });
+    rig.ask(
+        3,
+        0,
+        NativeAsk::Write {
+            address: 0x0002_u16.into(),
+            values: vec![1],
+        },
+    );
     while rig.step(begun + Duration::from_secs(1)) {}
     compare("sharing", &told(&rig, begun));
 }
@@ -85,7 +113,10 @@ fn three_clients_ask_and_two_share() {
 fn a_reply_stays_out_and_a_barrier_settles_it() {
     let mut rig = rig(1);
     let begun = rig.now;
-    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    rig.bus.set_faults(FaultPlan {
+        lost: 1000,
+        ..FaultPlan::NONE
+    });
     rig.read(1, 0, OUTPUT_FREQUENCY, 1);
     rig.bus.set_faults(FaultPlan::NONE);
     rig.read(2, 0, FREQUENCY_SETTING, 1);
@@ -97,7 +128,11 @@ fn a_reply_stays_out_and_a_barrier_settles_it() {
 fn a_reply_comes_late_and_answers_nobody() {
     let mut rig = rig(2);
     let begun = rig.now;
-    rig.bus.set_faults(FaultPlan { late: 1000, max_lateness: Duration::from_millis(60), ..FaultPlan::NONE });
+    rig.bus.set_faults(FaultPlan {
+        late: 1000,
+        max_lateness: Duration::from_millis(60),
+        ..FaultPlan::NONE
+    });
     rig.read(1, 0, OUTPUT_FREQUENCY, 1);
     rig.bus.set_faults(FaultPlan::NONE);
     while rig.step(begun + Duration::from_secs(1)) {}
@@ -128,7 +163,13 @@ fn the_bytes_of_a_conversation_are_those_of_the_manual() {
     let ticket = rig.read(1, 0, FREQUENCY_SETTING, 1);
     rig.answer_to(ticket);
     // Interface manual, D001 and F001 read requests.
-    assert_eq!(rig.sent[0].frame, [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36]);
-    assert_eq!(rig.sent[1].frame, [0x01, 0x03, 0x02, 0x01, 0x00, 0x01, 0xD4, 0x72]);
+    assert_eq!(
+        rig.sent[0].frame,
+        [0x01, 0x03, 0x01, 0x01, 0x00, 0x01, 0xD4, 0x36]
+    );
+    assert_eq!(
+        rig.sent[1].frame,
+        [0x01, 0x03, 0x02, 0x01, 0x00, 0x01, 0xD4, 0x72]
+    );
     assert_eq!(pdu::words(&rig.traffic[1].bytes[3..5]), [0]);
 }

@@ -12,7 +12,10 @@ use vfd_gateway::gateway::{COMMANDS_MAX, Input, REQUESTS_MAX, WAITERS_MAX};
 use vfd_gateway::line::schedule::READS_MAX;
 
 fn outcomes(rig: &mut Rig) -> Vec<NativeOutcome> {
-    std::mem::take(&mut rig.answers).into_iter().map(|(_, answer)| answer.outcome).collect()
+    std::mem::take(&mut rig.answers)
+        .into_iter()
+        .map(|(_, answer)| answer.outcome)
+        .collect()
 }
 
 #[test]
@@ -24,9 +27,18 @@ fn a_lost_port_answers_all_who_wait() {
     assert_eq!(rig.sent.len(), 1, "one is on the wire");
     rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
     rig.settle();
-    assert_eq!(outcomes(&mut rig), [NativeOutcome::NoReply, NativeOutcome::Refused(Refusal::LineDown)]);
+    assert_eq!(
+        outcomes(&mut rig),
+        [
+            NativeOutcome::NoReply,
+            NativeOutcome::Refused(Refusal::LineDown)
+        ]
+    );
     rig.read(1, 0, PROOF, 1);
-    assert_eq!(outcomes(&mut rig), [NativeOutcome::Refused(Refusal::LineDown)]);
+    assert_eq!(
+        outcomes(&mut rig),
+        [NativeOutcome::Refused(Refusal::LineDown)]
+    );
     rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
     // The exchange on the wire may still be answered: another word count is sent first.
     let again = rig.read(1, 0, PROOF, 1);
@@ -35,7 +47,10 @@ fn a_lost_port_answers_all_who_wait() {
 
 #[test]
 fn a_deadline_that_passes_in_the_queue_ends_the_wait() {
-    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::default() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 2,
+        ..RigOptions::default()
+    });
     rig.keeps_sent = false;
     for asker in 0..60 {
         rig.read(asker, 0, PROOF, 125);
@@ -65,31 +80,72 @@ fn full_queues_refuse_and_grow_no_further() {
     let mut rig = Rig::new(&RigOptions::default());
     let asked = READS_MAX as u64 + 100;
     for n in 0..asked {
-        rig.ask(n, 0, NativeAsk::Read { address: (n as u16).into(), count: 1 });
+        rig.ask(
+            n,
+            0,
+            NativeAsk::Read {
+                address: (n as u16).into(),
+                count: 1,
+            },
+        );
     }
     let refused = outcomes(&mut rig);
-    assert!(refused.iter().all(|outcome| *outcome == NativeOutcome::Refused(Refusal::QueueFull)));
+    assert!(
+        refused
+            .iter()
+            .all(|outcome| *outcome == NativeOutcome::Refused(Refusal::QueueFull))
+    );
     // The first went on the wire at once.
     assert_eq!(refused.len() as u64, asked - READS_MAX as u64 - 1);
     let mut rig = Rig::new(&RigOptions::default());
     for n in 0..REQUESTS_MAX as u64 + 5 {
-        rig.ask(n, 0, NativeAsk::Read { address: PROOF.into(), count: 1 });
+        rig.ask(
+            n,
+            0,
+            NativeAsk::Read {
+                address: PROOF.into(),
+                count: 1,
+            },
+        );
     }
     assert_eq!(outcomes(&mut rig).len(), 5);
 }
 
 #[test]
 fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
-    let often = ControlSettings { stored_write_interval: Duration::ZERO, ..control() };
-    let mut rig =
-        Rig::new(&RigOptions { poll: Duration::from_secs(3600), control: Some(often), ..RigOptions::controlled() });
+    let often = ControlSettings {
+        stored_write_interval: Duration::ZERO,
+        ..control()
+    };
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(3600),
+        control: Some(often),
+        ..RigOptions::controlled()
+    });
     rig.pass(Duration::from_millis(100));
     rig.read(1, 0, PROOF, 8);
     for n in 0..COMMANDS_MAX as u64 + 3 {
-        rig.ask(n, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![30 + n as u16] });
+        rig.ask(
+            n,
+            0,
+            NativeAsk::Write {
+                address: 0x020C_u16.into(),
+                values: vec![30 + n as u16],
+            },
+        );
     }
-    assert_eq!(outcomes(&mut rig), vec![NativeOutcome::Refused(Refusal::QueueFull); 3]);
-    let stop = rig.ask(50, 0, NativeAsk::Write { address: 0x0002_u16.into(), values: vec![0] });
+    assert_eq!(
+        outcomes(&mut rig),
+        vec![NativeOutcome::Refused(Refusal::QueueFull); 3]
+    );
+    let stop = rig.ask(
+        50,
+        0,
+        NativeAsk::Write {
+            address: 0x0002_u16.into(),
+            values: vec![0],
+        },
+    );
     assert_eq!(rig.answer_to(stop), NativeOutcome::Written);
 }
 
@@ -97,9 +153,15 @@ fn commands_beyond_the_bound_are_refused_and_a_stop_is_not() {
 fn those_who_wait_for_one_stop_are_bounded_and_the_stop_goes_all_the_same() {
     let mut rig = Rig::new(&RigOptions::controlled());
     rig.read(1, 0, PROOF, 8);
-    let tickets: Vec<_> = (0..=WAITERS_MAX).map(|n| rig.command(plc(n as u8), 0, STOP)).collect();
+    let tickets: Vec<_> = (0..=WAITERS_MAX)
+        .map(|n| rig.command(plc(n as u8), 0, STOP))
+        .collect();
     let (last, waiting) = tickets.split_last().unwrap();
-    assert_eq!(rig.told(*last), [(Outcome::Unknown, Reason::StopPending, true)], "told at once");
+    assert_eq!(
+        rig.told(*last),
+        [(Outcome::Unknown, Reason::StopPending, true)],
+        "told at once"
+    );
     for ticket in waiting {
         assert_eq!(rig.outcome_of(*ticket).0, Outcome::Confirmed);
     }
@@ -113,8 +175,14 @@ fn the_table_of_bounds_names_every_queue_as_it_is() {
     use vfd_gateway::daemon::exchange::inbox;
     let tables = include_str!("../../docs/design/bounds.md");
     let rows = [
-        ("Modbus TCP connections", vfd_gateway::north::modbus::Slots::MOST),
-        ("requests of a connection", vfd_gateway::north::modbus::Limits::default().pending_max),
+        (
+            "Modbus TCP connections",
+            vfd_gateway::north::modbus::Slots::MOST,
+        ),
+        (
+            "requests of a connection",
+            vfd_gateway::north::modbus::Limits::default().pending_max,
+        ),
         ("messages for a line: reads", inbox::INBOX_MAX),
         ("then writes, commands, heartbeats", inbox::COMMANDS_MAX),
         ("then stops, clients that left, shutdown", inbox::STOPS_MAX),
@@ -122,14 +190,25 @@ fn the_table_of_bounds_names_every_queue_as_it_is() {
         ("different native reads that wait on a line", READS_MAX),
         ("commands that wait for a drive", COMMANDS_MAX),
         ("commanders that wait for one stop", WAITERS_MAX),
-        ("frames of one request, registers of one command", vfd_gateway::domain::native::FRAMES_MAX),
-        ("replies that a station may still owe", vfd_gateway::line::station::MISSING_MAX),
+        (
+            "frames of one request, registers of one command",
+            vfd_gateway::domain::native::FRAMES_MAX,
+        ),
+        (
+            "replies that a station may still owe",
+            vfd_gateway::line::station::MISSING_MAX,
+        ),
     ];
     for (what, bound) in rows {
-        let row =
-            tables.lines().find(|line| line.starts_with(&format!("| {what} | "))).unwrap_or_else(|| panic!("{what}"));
+        let row = tables
+            .lines()
+            .find(|line| line.starts_with(&format!("| {what} | ")))
+            .unwrap_or_else(|| panic!("{what}"));
         let most = row.split('|').nth(2).unwrap().trim();
-        assert!(most.split([' ', ',']).next() == Some(&bound.to_string()), "{what}: {most}, not {bound}");
+        assert!(
+            most.split([' ', ',']).next() == Some(&bound.to_string()),
+            "{what}: {most}, not {bound}"
+        );
     }
 }
 
@@ -142,8 +221,14 @@ fn an_asker_that_is_gone_takes_its_reads_along() {
         rig.read(2, 0, PROOF + n, 2);
     }
     rig.core.handle(rig.now, Input::AskerGone(AskerId(2)));
-    rig.run_until(rig.now + Duration::from_secs(2), |_, answer| assert_eq!(answer.asker, AskerId(1)));
-    assert_eq!(rig.sent.len(), 1, "nothing was sent for the one that is gone");
+    rig.run_until(rig.now + Duration::from_secs(2), |_, answer| {
+        assert_eq!(answer.asker, AskerId(1))
+    });
+    assert_eq!(
+        rig.sent.len(),
+        1,
+        "nothing was sent for the one that is gone"
+    );
 }
 
 #[test]
@@ -162,5 +247,8 @@ fn a_silent_drive_is_answered_for_at_once_until_it_is_asked_again() {
     rig.bus.set_powered(rig.now, Station(1), true);
     rig.run_until(rig.now + Duration::from_secs(40), |_, _| {});
     let ticket = rig.read(1, 0, PROOF, 1);
-    assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)), "it is asked again after the wait");
+    assert!(
+        matches!(rig.answer_to(ticket), NativeOutcome::Words(_)),
+        "it is asked again after the wait"
+    );
 }

@@ -30,7 +30,11 @@ fn with_both_framings(options: impl Fn() -> RigOptions, shows: impl Fn(Rig)) {
 }
 
 fn options(echo: EchoPolicy, echoes: bool) -> RigOptions {
-    RigOptions { echo, echoes, ..RigOptions::controlled() }
+    RigOptions {
+        echo,
+        echoes,
+        ..RigOptions::controlled()
+    }
 }
 
 fn faults(plan: &str) -> FaultPlan {
@@ -45,7 +49,9 @@ fn state(rig: &Rig) -> (LineState, Option<LineFault>) {
 /// The state changes reported so far.
 fn told(rig: &Rig) -> Vec<LineNote> {
     let notes = rig.line_notes.iter().map(|(_, note)| *note);
-    notes.filter(|note| matches!(note, LineNote::Down(_) | LineNote::Up)).collect()
+    notes
+        .filter(|note| matches!(note, LineNote::Down(_) | LineNote::Up))
+        .collect()
 }
 
 /// Lets `time` pass and keeps the answers.
@@ -72,7 +78,10 @@ fn reopen(rig: &mut Rig, fault: LineFault, kind: PortKind) {
 }
 
 fn starts_running(rig: &mut Rig) {
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.live(Duration::from_secs(10));
 }
 
@@ -84,12 +93,19 @@ fn an_echo_takes_the_line_down_once_and_only_reads_and_stops_go_on() {
             assert_eq!(state(&rig), (LineState::Down, Some(LineFault::Echo)));
             assert_eq!(told(&rig), [LineNote::Down(LineFault::Echo)]);
             assert_eq!(rig.core.report().suspicion, Some(Suspicion::Echo));
-            assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), (Outcome::Refused, Reason::LineDown));
+            assert_eq!(
+                rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+                (Outcome::Refused, Reason::LineDown)
+            );
             let read = rig.read(1, 0, PROOF, 1);
             assert_eq!(rig.answer_to(read), LINE_DOWN);
             rig.sent.clear();
             rig.pass(Duration::from_secs(600));
-            assert!((15..=40).contains(&rig.sent.len()), "{} probes in 10 minutes", rig.sent.len());
+            assert!(
+                (15..=40).contains(&rig.sent.len()),
+                "{} probes in 10 minutes",
+                rig.sent.len()
+            );
             assert!(rig.writes().is_empty());
             // A stop is sent at once, and the drive's own answer after the echo is accepted.
             let stop = rig.command(plc(1), 0, STOP);
@@ -111,9 +127,16 @@ fn an_echo_is_stripped_and_the_drive_is_commanded_as_if_there_were_none() {
             assert_eq!(state(&rig).0, LineState::Up);
             starts_running(&mut rig);
             assert_eq!(rig.output(1), 3000);
-            assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+            assert_eq!(
+                rig.commanded(plc(1), STOP),
+                (Outcome::Confirmed, Reason::None)
+            );
             let counters = rig.core.counters();
-            assert_eq!((counters.noise_bytes, counters.strays, counters.silent), (0, 0, 0), "{counters:?}");
+            assert_eq!(
+                (counters.noise_bytes, counters.strays, counters.silent),
+                (0, 0, 0),
+                "{counters:?}"
+            );
             assert_eq!(counters.echoes, counters.requests);
             let report = rig.bus.report();
             assert_eq!((report.gaps_too_short, report.talked_over), (0, 0));
@@ -136,7 +159,11 @@ fn where_there_is_only_an_echo_nothing_is_acknowledged() {
                     assert_eq!(rig.outcome_of(faster).0, Outcome::Unknown, "{policy:?}");
                     let stop = rig.command(plc(1), 0, STOP);
                     rig.pass(Duration::from_secs(20));
-                    assert!(rig.told(stop).iter().all(|(outcome, ..)| *outcome == Outcome::Unknown));
+                    assert!(
+                        rig.told(stop)
+                            .iter()
+                            .all(|(outcome, ..)| *outcome == Outcome::Unknown)
+                    );
                 },
             );
         }
@@ -147,7 +174,10 @@ fn where_there_is_only_an_echo_nothing_is_acknowledged() {
 fn no_write_but_a_stop_goes_before_a_read_has_shown_an_echo() {
     for kind in [PortKind::Serial, PortKind::Virtual] {
         with_both_framings(
-            || RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() },
+            || RigOptions {
+                poll: Duration::from_secs(3600),
+                ..RigOptions::controlled()
+            },
             |mut rig| {
                 reopen(&mut rig, LineFault::Gone, kind);
                 rig.settle();
@@ -163,7 +193,10 @@ fn no_write_but_a_stop_goes_before_a_read_has_shown_an_echo() {
         );
         // An echo and no drive: the stop is sent at once, and its echo proves nothing.
         with_both_framings(
-            || RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() },
+            || RigOptions {
+                poll: Duration::from_secs(3600),
+                ..RigOptions::controlled()
+            },
             |mut rig| {
                 rig.bus.set_powered(rig.now, Station(1), false);
                 reopen(&mut rig, LineFault::Gone, kind);
@@ -174,7 +207,9 @@ fn no_write_but_a_stop_goes_before_a_read_has_shown_an_echo() {
                 assert_eq!(rig.sent.first().map(|sent| sent.pdu[0]), Some(6));
                 rig.pass(Duration::from_secs(20));
                 assert!(
-                    rig.told(stop).iter().all(|(outcome, ..)| *outcome == Outcome::Unknown),
+                    rig.told(stop)
+                        .iter()
+                        .all(|(outcome, ..)| *outcome == Outcome::Unknown),
                     "{:?}",
                     rig.told(stop)
                 );
@@ -186,7 +221,10 @@ fn no_write_but_a_stop_goes_before_a_read_has_shown_an_echo() {
 #[test]
 fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
     with_both_framings(
-        || RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() },
+        || RigOptions {
+            poll: Duration::from_secs(1),
+            ..RigOptions::controlled()
+        },
         |mut rig| {
             starts_running(&mut rig);
             // Clear of the exchange that is on the wire.
@@ -196,25 +234,58 @@ fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
             let read = rig.read(1, 0, PROOF, 1);
             let begun = rig.now;
             babble(&mut rig, Duration::from_secs(2));
-            let answered = rig.answers.iter().find(|(_, answer)| answer.ticket == read).expect("an answer");
+            let answered = rig
+                .answers
+                .iter()
+                .find(|(_, answer)| answer.ticket == read)
+                .expect("an answer");
             assert_eq!(answered.1.outcome, LINE_DOWN);
-            assert!(answered.0.since(begun) <= ms(1200), "{:?}", answered.0.since(begun));
+            assert!(
+                answered.0.since(begun) <= ms(1200),
+                "{:?}",
+                answered.0.since(begun)
+            );
             assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed)]);
-            assert_eq!((state(&rig).0, rig.core.counters().jams), (LineState::Down, 1));
+            assert_eq!(
+                (state(&rig).0, rig.core.counters().jams),
+                (LineState::Down, 1)
+            );
             rig.sent.clear();
             let read = rig.read(1, 0, PROOF, 1);
-            assert_eq!(rig.answers.last().map(|(_, it)| (it.ticket, it.outcome.clone())), Some((read, LINE_DOWN)));
+            assert_eq!(
+                rig.answers
+                    .last()
+                    .map(|(_, it)| (it.ticket, it.outcome.clone())),
+                Some((read, LINE_DOWN))
+            );
             let faster = rig.command(MQTT, 0, setpoint(4000));
-            assert_eq!(rig.told(faster), [(Outcome::Refused, Reason::LineDown, true)]);
+            assert_eq!(
+                rig.told(faster),
+                [(Outcome::Refused, Reason::LineDown, true)]
+            );
             // The stop is sent over the babble, at its own rate, and nothing that comes back confirms it.
             let stop = rig.command(plc(1), 0, STOP);
             assert_eq!(rig.written(RUN), [0], "at once");
             babble(&mut rig, Duration::from_secs(20));
-            assert!((4..=10).contains(&rig.written(RUN).len()), "{:?}", rig.written(RUN));
-            assert!(rig.sent.iter().all(|sent| sent.pdu[0] == 6), "nothing but stops");
-            assert!(!rig.told(stop).iter().any(|(outcome, ..)| *outcome == Outcome::Acknowledged));
+            assert!(
+                (4..=10).contains(&rig.written(RUN).len()),
+                "{:?}",
+                rig.written(RUN)
+            );
+            assert!(
+                rig.sent.iter().all(|sent| sent.pdu[0] == 6),
+                "nothing but stops"
+            );
+            assert!(
+                !rig.told(stop)
+                    .iter()
+                    .any(|(outcome, ..)| *outcome == Outcome::Acknowledged)
+            );
             rig.pass(Duration::from_secs(10));
-            assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed), LineNote::Up]);
+            assert_eq!(
+                told(&rig),
+                [LineNote::Down(LineFault::Jammed), LineNote::Up]
+            );
             assert!(!rig.view(0).control.expect("control").stop_pending);
             assert!(rig.view(0).is_online());
         },
@@ -223,7 +294,10 @@ fn a_babbling_node_jams_the_line_once_and_everything_that_waits_is_answered() {
 
 #[test]
 fn after_a_suspension_a_stop_waits_for_silence_though_the_line_was_jammed_before() {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(1),
+        ..RigOptions::controlled()
+    });
     starts_running(&mut rig);
     rig.pass(ms(100));
     babble(&mut rig, Duration::from_secs(3));
@@ -233,15 +307,24 @@ fn after_a_suspension_a_stop_waits_for_silence_though_the_line_was_jammed_before
     rig.core.handle(rig.now, Input::Bytes(&[0x55; 200]));
     rig.sent.clear();
     rig.command(plc(1), 0, STOP);
-    assert!(rig.written(RUN).is_empty(), "another master may be sending right now");
+    assert!(
+        rig.written(RUN).is_empty(),
+        "another master may be sending right now"
+    );
     rig.pass(ms(50));
     assert_eq!(rig.written(RUN).first(), Some(&0));
-    assert_eq!(told(&rig), [LineNote::Down(LineFault::Jammed), LineNote::Up]);
+    assert_eq!(
+        told(&rig),
+        [LineNote::Down(LineFault::Jammed), LineNote::Up]
+    );
 }
 
 #[test]
 fn babble_before_anything_waits_long_enough_is_no_jam() {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(1),
+        ..RigOptions::controlled()
+    });
     for _ in 0..20 {
         babble(&mut rig, ms(300));
         rig.pass(ms(200));
@@ -252,10 +335,16 @@ fn babble_before_anything_waits_long_enough_is_no_jam() {
 #[test]
 fn a_mute_line_is_reported_once_and_comes_back_by_itself() {
     with_both_framings(
-        || RigOptions { drives: 2, poll: Duration::from_secs(1), ..RigOptions::controlled() },
+        || RigOptions {
+            drives: 2,
+            poll: Duration::from_secs(1),
+            ..RigOptions::controlled()
+        },
         |mut rig| {
             let off = rig.now;
-            let power = |rig: &mut Rig, on| [1, 2].map(|station| rig.bus.set_powered(rig.now, Station(station), on));
+            let power = |rig: &mut Rig, on| {
+                [1, 2].map(|station| rig.bus.set_powered(rig.now, Station(station), on))
+            };
             power(&mut rig, false);
             let hours = Duration::from_secs(8 * 3600);
             while rig.now.since(off) < hours {
@@ -267,12 +356,25 @@ fn a_mute_line_is_reported_once_and_comes_back_by_itself() {
             }
             assert_eq!(told(&rig), [LineNote::Down(LineFault::Mute)]);
             assert_eq!(state(&rig), (LineState::Down, Some(LineFault::Mute)));
-            let at: Vec<u64> = rig.reopens.iter().map(|(at, _)| at.since(off).as_secs()).collect();
+            let at: Vec<u64> = rig
+                .reopens
+                .iter()
+                .map(|(at, _)| at.since(off).as_secs())
+                .collect();
             let waits: Vec<u64> = at.windows(2).map(|pair| pair[1] - pair[0]).collect();
             assert!(waits.len() > 90, "{at:?} {waits:?}");
             assert!((9..25).contains(&at[0]), "{at:?}");
-            assert!(waits[..4].iter().zip([10, 20, 40, 80]).all(|(a, b)| a.abs_diff(b) < 2), "{waits:?}");
-            assert!(waits[6..].iter().all(|wait| (299..=302).contains(wait)), "{waits:?}");
+            assert!(
+                waits[..4]
+                    .iter()
+                    .zip([10, 20, 40, 80])
+                    .all(|(a, b)| a.abs_diff(b) < 2),
+                "{waits:?}"
+            );
+            assert!(
+                waits[6..].iter().all(|wait| (299..=302).contains(wait)),
+                "{waits:?}"
+            );
             // Requests are answered as for any silent drive, not as for a closed port.
             let read = rig.read(1, 0, PROOF, 1);
             assert_eq!(rig.answer_to(read), NativeOutcome::NoReply);
@@ -286,7 +388,11 @@ fn a_mute_line_is_reported_once_and_comes_back_by_itself() {
 
 #[test]
 fn one_silent_drive_among_others_makes_no_line_mute() {
-    let mut rig = Rig::new(&RigOptions { drives: 2, poll: Duration::from_secs(1), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 2,
+        poll: Duration::from_secs(1),
+        ..RigOptions::controlled()
+    });
     rig.bus.set_powered(rig.now, Station(2), false);
     rig.pass(Duration::from_secs(600));
     assert!(told(&rig).is_empty() && rig.reopens.is_empty());
@@ -296,7 +402,11 @@ fn one_silent_drive_among_others_makes_no_line_mute() {
 fn spoil(rig: &mut Rig, mut meanwhile: impl FnMut(&mut Rig)) {
     let begun = rig.now;
     while !rig.core.report().quality.is_suspended {
-        assert!(rig.now.since(begun) < Duration::from_secs(60), "{:?}", rig.core.report());
+        assert!(
+            rig.now.since(begun) < Duration::from_secs(60),
+            "{:?}",
+            rig.core.report()
+        );
         rig.bus.set_faults(faults("flip=1000"));
         rig.live(ms(90));
         rig.bus.set_faults(FaultPlan::NONE);
@@ -310,27 +420,55 @@ fn a_bad_line_takes_no_order_that_makes_a_motor_faster() {
     let mut rig = Rig::new(&RigOptions::controlled());
     starts_running(&mut rig);
     spoil(&mut rig, |_| {});
-    let notes = |rig: &Rig, is: fn(&LineNote) -> bool| rig.line_notes.iter().filter(|(_, note)| is(note)).count();
+    let notes = |rig: &Rig, is: fn(&LineNote) -> bool| {
+        rig.line_notes.iter().filter(|(_, note)| is(note)).count()
+    };
     let suspended = |note: &LineNote| matches!(note, LineNote::Suspended { .. });
     assert_eq!(notes(&rig, suspended), 1);
-    assert_eq!(rig.commanded(MQTT, setpoint(4000)), (Outcome::Refused, Reason::LineQuality));
-    assert_eq!(rig.commanded(MQTT, setpoint(2000)), (Outcome::Confirmed, Reason::None), "slower may be ordered");
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(4000)),
+        (Outcome::Refused, Reason::LineQuality)
+    );
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(2000)),
+        (Outcome::Confirmed, Reason::None),
+        "slower may be ordered"
+    );
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     rig.pass(Duration::from_secs(3));
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Refused, Reason::LineQuality));
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, None)),
+        (Outcome::Refused, Reason::LineQuality)
+    );
     rig.pass(Duration::from_secs(60));
-    assert_eq!((notes(&rig, suspended), notes(&rig, |note| *note == LineNote::Resumed)), (1, 1));
+    assert_eq!(
+        (
+            notes(&rig, suspended),
+            notes(&rig, |note| *note == LineNote::Resumed)
+        ),
+        (1, 1)
+    );
     starts_running(&mut rig);
 }
 
 #[test]
 fn a_drive_that_is_bad_alone_is_suspended_alone() {
-    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 2,
+        ..RigOptions::controlled()
+    });
     let mut sent = rig.sent.len();
     let mut polls = 0;
     while rig.notes.is_empty() {
         // Every third reply of the second drive comes damaged.
-        rig.bus.set_faults(if polls % 3 == 2 { faults("flip=1000") } else { FaultPlan::NONE });
+        rig.bus.set_faults(if polls % 3 == 2 {
+            faults("flip=1000")
+        } else {
+            FaultPlan::NONE
+        });
         while rig.sent.len() == sent {
             rig.step(rig.now + Duration::from_secs(1));
         }
@@ -345,7 +483,14 @@ fn a_drive_that_is_bad_alone_is_suspended_alone() {
             rig.outcome_of(ticket).1
         })
         .collect();
-    assert_eq!(suspended.iter().filter(|reason| **reason == Reason::LineQuality).count(), 1, "{suspended:?}");
+    assert_eq!(
+        suspended
+            .iter()
+            .filter(|reason| **reason == Reason::LineQuality)
+            .count(),
+        1,
+        "{suspended:?}"
+    );
     assert!(!rig.core.report().quality.is_suspended);
 }
 
@@ -356,17 +501,29 @@ fn what_is_wrong_is_diagnosed_from_what_is_heard() {
         ("flip=1000", Suspicion::AlwaysDamaged),
         ("cut=1000", Suspicion::DrivesAreFaster),
     ] {
-        let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(1), ..RigOptions::controlled() });
+        let mut rig = Rig::new(&RigOptions {
+            poll: Duration::from_secs(1),
+            ..RigOptions::controlled()
+        });
         rig.bus.set_faults(faults(plan));
         rig.pass(Duration::from_secs(1));
         reopen(&mut rig, LineFault::Gone, PortKind::Serial);
         rig.pass(Duration::from_secs(30));
         assert_eq!(rig.core.report().suspicion, Some(expected), "{plan}");
-        let told = |rig: &Rig, what| rig.line_notes.iter().filter(|(_, it)| *it == LineNote::Suspects(what)).count();
+        let told = |rig: &Rig, what| {
+            rig.line_notes
+                .iter()
+                .filter(|(_, it)| *it == LineNote::Suspects(what))
+                .count()
+        };
         assert_eq!(told(&rig, Some(expected)), 1);
         rig.bus.set_faults(FaultPlan::NONE);
         rig.pass(Duration::from_secs(60));
-        assert_eq!((rig.core.report().suspicion, told(&rig, None)), (None, 1), "{plan}");
+        assert_eq!(
+            (rig.core.report().suspicion, told(&rig, None)),
+            (None, 1),
+            "{plan}"
+        );
     }
 }
 
@@ -376,7 +533,11 @@ fn another_master_is_reported_and_its_requests_are_nobodys_answers() {
         rig.bus.set_powered(rig.now, Station(1), false);
         rig.pass(Duration::from_secs(20));
         let is_ascii = rig.sent.last().is_some_and(|sent| sent.frame[0] == b':');
-        let framing = if is_ascii { framing_of(true) } else { framing_of(false) };
+        let framing = if is_ascii {
+            framing_of(true)
+        } else {
+            framing_of(false)
+        };
         let mut request = Vec::new();
         framing::encode(framing, &mut request, 1, |out| out.extend([3, 0, 1, 0, 1]));
         for _ in 0..6 {
@@ -390,7 +551,11 @@ fn another_master_is_reported_and_its_requests_are_nobodys_answers() {
 }
 
 const fn framing_of(is_ascii: bool) -> vfd_gateway::domain::link::Framing {
-    if is_ascii { vfd_gateway::domain::link::Framing::Ascii } else { vfd_gateway::domain::link::Framing::Rtu }
+    if is_ascii {
+        vfd_gateway::domain::link::Framing::Ascii
+    } else {
+        vfd_gateway::domain::link::Framing::Rtu
+    }
 }
 
 #[test]
@@ -398,7 +563,9 @@ fn two_replies_to_one_request_name_the_station() {
     with_both_framings(RigOptions::controlled, |mut rig| {
         for _ in 0..4 {
             let read = rig.read(1, 0, PROOF, 2);
-            let NativeOutcome::Words(words) = rig.answer_to(read) else { panic!("words") };
+            let NativeOutcome::Words(words) = rig.answer_to(read) else {
+                panic!("words")
+            };
             let is_ascii = rig.sent.last().is_some_and(|sent| sent.frame[0] == b':');
             let mut second = Vec::new();
             framing::encode(framing_of(is_ascii), &mut second, 1, |out| {
@@ -407,7 +574,10 @@ fn two_replies_to_one_request_name_the_station() {
             rig.core.handle(rig.now, Input::Bytes(&second));
             rig.pass(Duration::from_secs(1));
         }
-        assert_eq!(rig.core.report().suspicion, Some(Suspicion::DuplicateStation(Station(1))));
+        assert_eq!(
+            rig.core.report().suspicion,
+            Some(Suspicion::DuplicateStation(Station(1)))
+        );
     });
 }
 
@@ -415,15 +585,30 @@ fn two_replies_to_one_request_name_the_station() {
 fn noise_foreign_frames_and_second_replies_change_no_answer() {
     for plan in ["noise=1000", "foreign=1000"] {
         with_both_framings(
-            || RigOptions { drives: 2, poll: Duration::from_secs(2), ..RigOptions::controlled() },
+            || RigOptions {
+                drives: 2,
+                poll: Duration::from_secs(2),
+                ..RigOptions::controlled()
+            },
             |mut rig| {
                 rig.bus.set_faults(faults(plan));
                 for n in 0..200 {
                     let read = rig.read(1, n % 2, PROOF, 1 + n % 5);
                     let answer = rig.answer_to(read);
-                    let NativeOutcome::Words(words) = answer else { panic!("{plan}: {n}: {answer:?}") };
-                    let proof = rig.sent.iter().rev().find(|sent| sent.pdu[1] == 0x30).expect("the read").proof;
-                    assert!(words.iter().all(|word| *word == proof), "{plan}: {words:04X?} for {proof:04X}");
+                    let NativeOutcome::Words(words) = answer else {
+                        panic!("{plan}: {n}: {answer:?}")
+                    };
+                    let proof = rig
+                        .sent
+                        .iter()
+                        .rev()
+                        .find(|sent| sent.pdu[1] == 0x30)
+                        .expect("the read")
+                        .proof;
+                    assert!(
+                        words.iter().all(|word| *word == proof),
+                        "{plan}: {words:04X?} for {proof:04X}"
+                    );
                 }
                 assert_eq!(state(&rig).0, LineState::Up);
             },
@@ -479,12 +664,24 @@ fn an_order_to_run_that_is_in_force_stays_so_on_a_bad_line() {
     let mut rig = Rig::new(&RigOptions::controlled());
     let cyclic = plc(1);
     assert_eq!(rig.commanded(cyclic, STOP).0, Outcome::Confirmed);
-    assert_eq!(rig.commanded(cyclic, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(cyclic, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     spoil(&mut rig, |rig| {
         let again = rig.command(cyclic, 0, run(Direction::Forward, Some(3000)));
-        assert_eq!(rig.told(again), [(Outcome::Acknowledged, Reason::Unchanged, true)]);
+        assert_eq!(
+            rig.told(again),
+            [(Outcome::Acknowledged, Reason::Unchanged, true)]
+        );
     });
     let again = rig.command(cyclic, 0, run(Direction::Forward, Some(3000)));
-    assert_eq!(rig.told(again), [(Outcome::Acknowledged, Reason::Unchanged, true)]);
-    assert_eq!((rig.written(FREQUENCY).len(), rig.written(RUN)), (1, vec![0, 1]));
+    assert_eq!(
+        rig.told(again),
+        [(Outcome::Acknowledged, Reason::Unchanged, true)]
+    );
+    assert_eq!(
+        (rig.written(FREQUENCY).len(), rig.written(RUN)),
+        (1, vec![0, 1])
+    );
 }

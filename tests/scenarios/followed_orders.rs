@@ -13,14 +13,22 @@ use vfd_gateway::profile::model::{Flag, Model};
 const SECOND: Duration = Duration::from_secs(1);
 
 fn is_proven(model: &Model) -> bool {
-    model.status_flag(Flag::Running).is_some_and(|flag| flag.confidence.is_proven())
+    model
+        .status_flag(Flag::Running)
+        .is_some_and(|flag| flag.confidence.is_proven())
 }
 
 /// A drive that runs at 30 Hz and is stopped by a key, 15 s later.
 fn stopped_by_a_key(model: &Arc<Model>) -> Rig {
-    let mut rig = Rig::new(&RigOptions { keeps: true, ..options_of(model, accepting()) });
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        ..options_of(model, accepting())
+    });
     let told = rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
-    assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{told:?}");
+    assert!(
+        matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged),
+        "{told:?}"
+    );
     rig.live(SECOND * 8);
     assert!(rig.output(1) > 2900);
     rig.sent.clear();
@@ -32,7 +40,10 @@ fn stopped_by_a_key(model: &Arc<Model>) -> Rig {
 }
 
 fn told(rig: &Rig) -> usize {
-    rig.notes.iter().filter(|(_, note)| *note == Note::StoppedElsewhere).count()
+    rig.notes
+        .iter()
+        .filter(|(_, note)| *note == Note::StoppedElsewhere)
+        .count()
 }
 
 #[test]
@@ -43,8 +54,18 @@ fn a_drive_that_was_stopped_elsewhere_is_no_longer_ordered_to_run() {
         }
         let mut rig = stopped_by_a_key(model);
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.intent, control.start_inhibited, control.stopped_elsewhere), (RunIntent::Stop, true, true));
-        assert_eq!(control.last.map(|last| last.reason), Some(Reason::StoppedElsewhere));
+        assert_eq!(
+            (
+                control.intent,
+                control.start_inhibited,
+                control.stopped_elsewhere
+            ),
+            (RunIntent::Stop, true, true)
+        );
+        assert_eq!(
+            control.last.map(|last| last.reason),
+            Some(Reason::StoppedElsewhere)
+        );
         assert_eq!(told(&rig), 1);
         let of_it = |entry: &&&Entry| matches!(entry, Entry::Attempt(Attempt { report: Some(report), .. }) if report.reason == Reason::StoppedElsewhere);
         assert_eq!(rig.entries().iter().filter(of_it).count(), 1);
@@ -52,7 +73,10 @@ fn a_drive_that_was_stopped_elsewhere_is_no_longer_ordered_to_run() {
         rig.live(SECOND * 30);
         assert_eq!((told(&rig), rig.output(1)), (1, 0));
         let again = rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
-        assert!(matches!(again.0, Outcome::Confirmed | Outcome::Acknowledged), "{again:?}");
+        assert!(
+            matches!(again.0, Outcome::Confirmed | Outcome::Acknowledged),
+            "{again:?}"
+        );
         rig.live(SECOND * 8);
         assert!(rig.output(1) > 2900);
         assert!(!rig.view(0).control.unwrap().stopped_elsewhere);
@@ -66,7 +90,10 @@ fn a_status_that_no_document_proves_ends_no_order() {
             return;
         }
         let rig = stopped_by_a_key(model);
-        assert_eq!((told(&rig), rig.view(0).control.unwrap().intent), (0, RunIntent::Run(Direction::Forward)));
+        assert_eq!(
+            (told(&rig), rig.view(0).control.unwrap().intent),
+            (0, RunIntent::Run(Direction::Forward))
+        );
     });
 }
 

@@ -26,8 +26,15 @@ struct Entry {
 impl Entry {
     fn of(row: &Value) -> Self {
         let decoded = &row["decoded"];
-        let small = |key: &str| decoded[key].as_u64().map(|number| u16::try_from(number).unwrap());
-        let raw = decoded["raw"].as_array().map(Vec::as_slice).unwrap_or_default();
+        let small = |key: &str| {
+            decoded[key]
+                .as_u64()
+                .map(|number| u16::try_from(number).unwrap())
+        };
+        let raw = decoded["raw"]
+            .as_array()
+            .map(Vec::as_slice)
+            .unwrap_or_default();
         Self {
             what: format!("{}: {}", row["drive"], row["what"]),
             request: hex(&row["request"]).unwrap(),
@@ -37,17 +44,33 @@ impl Entry {
             correct: hex(&row["correct_frame"]),
             station: small("station").unwrap() as u8,
             function: small("function").unwrap() as u8,
-            address: u16::from_str_radix(decoded["address"].as_str().unwrap().trim_start_matches("0x"), 16).unwrap(),
+            address: u16::from_str_radix(
+                decoded["address"]
+                    .as_str()
+                    .unwrap()
+                    .trim_start_matches("0x"),
+                16,
+            )
+            .unwrap(),
             count: small("count"),
-            raw: raw.iter().map(|word| u16::try_from(word.as_u64().unwrap()).unwrap()).collect(),
+            raw: raw
+                .iter()
+                .map(|word| u16::try_from(word.as_u64().unwrap()).unwrap())
+                .collect(),
         }
     }
 
     /// The request as described in the table.
     fn asked(&self) -> Request {
         match self.function {
-            3 => Request::Read { address: self.address.into(), count: self.count.unwrap() },
-            6 => Request::WriteSingle { address: self.address.into(), value: self.raw[0] },
+            3 => Request::Read {
+                address: self.address.into(),
+                count: self.count.unwrap(),
+            },
+            6 => Request::WriteSingle {
+                address: self.address.into(),
+                value: self.raw[0],
+            },
             other => panic!("{}: function {other}", self.what),
         }
     }
@@ -61,12 +84,18 @@ impl Entry {
 
     fn expected(&self) -> Expected {
         let adu_bytes = if self.function == 3 { 7 } else { 8 };
-        Expected { station: self.station, function: self.function, adu_bytes }
+        Expected {
+            station: self.station,
+            function: self.function,
+            adu_bytes,
+        }
     }
 
     /// Whether `adu` would be taken for this request's answer: its reply, or an exception of its function.
     fn is_answered_by(&self, adu: &[u8]) -> bool {
-        let Some((station, pdu)) = rtu::decode(adu) else { return false };
+        let Some((station, pdu)) = rtu::decode(adu) else {
+            return false;
+        };
         let exception = pdu.len() == 2 && pdu[0] == self.function | 0x80;
         station == self.station && (exception || self.asked().reply_in(pdu).is_some())
     }
@@ -74,7 +103,12 @@ impl Entry {
 
 fn hex(value: &Value) -> Option<Vec<u8>> {
     let text = value.as_str()?;
-    Some((0..text.len()).step_by(2).map(|at| u8::from_str_radix(&text[at..at + 2], 16).unwrap()).collect())
+    Some(
+        (0..text.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&text[at..at + 2], 16).unwrap())
+            .collect(),
+    )
 }
 
 fn table() -> Vec<Entry> {
@@ -84,11 +118,17 @@ fn table() -> Vec<Entry> {
 
 /// Rows with a reply, each with it.
 fn replies() -> Vec<(Entry, Vec<u8>)> {
-    table().into_iter().filter_map(|entry| entry.response.clone().map(|reply| (entry, reply))).collect()
+    table()
+        .into_iter()
+        .filter_map(|entry| entry.response.clone().map(|reply| (entry, reply)))
+        .collect()
 }
 
 /// Everything that an assembler finds in `chunks`, and what is left once the line is silent.
-fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> (Vec<FoundFrame>, Vec<u8>) {
+fn heard<'a>(
+    expected: Expected,
+    chunks: impl IntoIterator<Item = &'a [u8]>,
+) -> (Vec<FoundFrame>, Vec<u8>) {
     let mut assembler = Assembler::new(Framing::Rtu);
     let mut found = Vec::new();
     for chunk in chunks {
@@ -101,12 +141,17 @@ fn heard<'a>(expected: Expected, chunks: impl IntoIterator<Item = &'a [u8]>) -> 
 }
 
 fn frame(noise: &[u8], adu: &[u8]) -> FoundFrame {
-    FoundFrame { noise: noise.to_vec(), adu: adu.to_vec() }
+    FoundFrame {
+        noise: noise.to_vec(),
+        adu: adu.to_vec(),
+    }
 }
 
 fn noise(seed: u64, length: usize) -> Vec<u8> {
     let mut random = fastrand::Rng::with_seed(seed);
-    std::iter::repeat_with(|| random.u8(..)).take(length).collect()
+    std::iter::repeat_with(|| random.u8(..))
+        .take(length)
+        .collect()
 }
 
 #[test]
@@ -121,8 +166,16 @@ fn the_table_is_whole() {
 #[test]
 fn a_crc_is_right_where_the_table_says_so() {
     for entry in table() {
-        for adu in [Some(&entry.request), entry.response.as_ref()].into_iter().flatten() {
-            assert_eq!(rtu::decode(adu).is_some(), entry.valid_crc, "{}", entry.what);
+        for adu in [Some(&entry.request), entry.response.as_ref()]
+            .into_iter()
+            .flatten()
+        {
+            assert_eq!(
+                rtu::decode(adu).is_some(),
+                entry.valid_crc,
+                "{}",
+                entry.what
+            );
         }
     }
 }
@@ -131,7 +184,12 @@ fn a_crc_is_right_where_the_table_says_so() {
 fn requests_mean_what_the_table_says_and_format_back() {
     for entry in table().iter().filter(|entry| entry.valid_crc) {
         let (station, pdu) = rtu::decode(&entry.request).unwrap();
-        assert_eq!((station, pdu[0]), (entry.station, entry.function), "{}", entry.what);
+        assert_eq!(
+            (station, pdu[0]),
+            (entry.station, entry.function),
+            "{}",
+            entry.what
+        );
         let request = Request::decode(pdu).unwrap();
         assert_eq!(request, entry.asked(), "{}", entry.what);
         let mut again = Vec::new();
@@ -163,11 +221,21 @@ fn misprints_mean_the_register_that_they_name() {
         let printed = Request::decode(rtu::decode(&entry.request).unwrap().1).unwrap();
         let (station, meant) = rtu::decode(entry.correct.as_ref().unwrap()).unwrap();
         let meant = Request::decode(meant).unwrap();
-        assert_eq!((station, meant.function()), (entry.station, printed.function()), "{}", entry.what);
+        assert_eq!(
+            (station, meant.function()),
+            (entry.station, printed.function()),
+            "{}",
+            entry.what
+        );
         assert_eq!(printed, entry.asked(), "{}", entry.what);
         assert_ne!(printed, meant, "{}", entry.what);
         if let Some(reply) = entry.response.as_ref() {
-            assert_eq!(meant.reply_in(rtu::decode(reply).unwrap().1), None, "{}", entry.what);
+            assert_eq!(
+                meant.reply_in(rtu::decode(reply).unwrap().1),
+                None,
+                "{}",
+                entry.what
+            );
         }
     }
 }
@@ -182,8 +250,17 @@ fn frames_with_a_wrong_crc_are_rejected() {
             Request::WriteSingle { address, .. } => (6, address),
             other => panic!("{other:?}"),
         };
-        assert_eq!((function, address.number()), (entry.function, entry.address), "{}", entry.what);
-        assert!(rtu::decode(entry.correct.as_ref().unwrap()).is_some(), "{}", entry.what);
+        assert_eq!(
+            (function, address.number()),
+            (entry.function, entry.address),
+            "{}",
+            entry.what
+        );
+        assert!(
+            rtu::decode(entry.correct.as_ref().unwrap()).is_some(),
+            "{}",
+            entry.what
+        );
         for chunk in [1, 8] {
             let (found, rest) = heard(entry.expected(), entry.request.chunks(chunk));
             assert_eq!((found, &rest), (vec![], &entry.request), "{}", entry.what);
@@ -198,10 +275,20 @@ fn a_reply_is_found_whole_and_byte_by_byte() {
         assert_eq!(adu.len(), entry.expected().adu_bytes);
         for chunk in 1..=adu.len() {
             let (found, rest) = heard(entry.expected(), adu.chunks(chunk));
-            assert_eq!((found, rest), (vec![frame(&[], &adu)], vec![]), "{}", entry.what);
+            assert_eq!(
+                (found, rest),
+                (vec![frame(&[], &adu)], vec![]),
+                "{}",
+                entry.what
+            );
         }
         let (found, rest) = heard(entry.expected(), [&adu[..adu.len() - 1]]);
-        assert_eq!((found, rest.as_slice()), (vec![], &adu[..adu.len() - 1]), "{}", entry.what);
+        assert_eq!(
+            (found, rest.as_slice()),
+            (vec![], &adu[..adu.len() - 1]),
+            "{}",
+            entry.what
+        );
     }
 }
 
@@ -213,7 +300,12 @@ fn glued_replies_are_found_one_after_the_other() {
             let glued = [first.as_slice(), second].concat();
             for chunk in [1, 5, glued.len()] {
                 let (found, rest) = heard(entry.expected(), glued.chunks(chunk));
-                assert_eq!((found, rest), (vec![frame(&[], first), frame(&[], second)], vec![]), "{}", entry.what);
+                assert_eq!(
+                    (found, rest),
+                    (vec![frame(&[], first), frame(&[], second)], vec![]),
+                    "{}",
+                    entry.what
+                );
             }
         }
     }
@@ -228,7 +320,12 @@ fn a_reply_is_found_after_noise() {
                 let stream = [noise.as_slice(), &adu].concat();
                 for chunk in [7, stream.len()] {
                     let (found, rest) = heard(entry.expected(), stream.chunks(chunk));
-                    assert_eq!((found, rest), (vec![frame(&noise, &adu)], vec![]), "{} {seed} {length}", entry.what);
+                    assert_eq!(
+                        (found, rest),
+                        (vec![frame(&noise, &adu)], vec![]),
+                        "{} {seed} {length}",
+                        entry.what
+                    );
                 }
             }
         }
@@ -266,7 +363,12 @@ fn a_reply_is_found_after_the_head_of_another_frame() {
             let stream = [head, &adu].concat();
             for chunk in [1, stream.len()] {
                 let (found, rest) = heard(entry.expected(), stream.chunks(chunk));
-                assert_eq!((found, rest), (vec![frame(head, &adu)], vec![]), "{} {head:02X?}", entry.what);
+                assert_eq!(
+                    (found, rest),
+                    (vec![frame(head, &adu)], vec![]),
+                    "{} {head:02X?}",
+                    entry.what
+                );
             }
         }
     }
@@ -275,10 +377,18 @@ fn a_reply_is_found_after_the_head_of_another_frame() {
 /// The echo of our own read in front of the reply, as some adapters give it.
 #[test]
 fn a_reply_is_found_after_the_echo_of_its_read() {
-    for (entry, adu) in replies().into_iter().filter(|(entry, _)| entry.function == 3) {
+    for (entry, adu) in replies()
+        .into_iter()
+        .filter(|(entry, _)| entry.function == 3)
+    {
         let stream = [entry.request.as_slice(), &adu].concat();
         let (found, rest) = heard(entry.expected(), [stream.as_slice()]);
-        assert_eq!((found, rest), (vec![frame(&entry.request, &adu)], vec![]), "{}", entry.what);
+        assert_eq!(
+            (found, rest),
+            (vec![frame(&entry.request, &adu)], vec![]),
+            "{}",
+            entry.what
+        );
     }
 }
 
@@ -290,7 +400,12 @@ fn noise_after_a_reply_is_left_over() {
                 let noise = noise(seed, length);
                 let stream = [adu.as_slice(), &noise].concat();
                 let (found, rest) = heard(entry.expected(), stream.chunks(7));
-                assert_eq!((found, rest), (vec![frame(&[], &adu)], noise), "{} {seed} {length}", entry.what);
+                assert_eq!(
+                    (found, rest),
+                    (vec![frame(&[], &adu)], noise),
+                    "{} {seed} {length}",
+                    entry.what
+                );
             }
         }
     }
@@ -325,8 +440,11 @@ fn assert_rejected(entry: &Entry, adu: &[u8], bits: &[usize; 3]) {
         }
     }
     let (found, rest) = heard(entry.expected(), [spoilt.as_slice()]);
-    let taken =
-        found.iter().map(|frame| frame.adu.as_slice()).chain([rest.as_slice()]).find(|adu| entry.is_answered_by(adu));
+    let taken = found
+        .iter()
+        .map(|frame| frame.adu.as_slice())
+        .chain([rest.as_slice()])
+        .find(|adu| entry.is_answered_by(adu));
     assert_eq!(taken, None, "{}: {spoilt:02X?}", entry.what);
 }
 
@@ -335,7 +453,9 @@ fn assert_rejected(entry: &Entry, adu: &[u8], bits: &[usize; 3]) {
 fn a_frame_of_unknown_length_is_ended_by_silence() {
     let (entry, _) = replies().remove(0);
     let mut adu = Vec::new();
-    rtu::encode(&mut adu, entry.station, |out| out.extend([0x2B, 0x0E, 0x01, 0x00, 0x00]));
+    rtu::encode(&mut adu, entry.station, |out| {
+        out.extend([0x2B, 0x0E, 0x01, 0x00, 0x00])
+    });
     let (found, rest) = heard(entry.expected(), adu.chunks(1));
     assert_eq!((found, &rest), (vec![], &adu));
     assert_eq!(rtu::decode(&rest), Some((entry.station, &adu[1..6])));

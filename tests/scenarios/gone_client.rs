@@ -16,7 +16,10 @@ const WITHDRAWN: [(Outcome, Reason, bool); 1] = [(Outcome::Refused, Reason::Comm
 
 /// A drive that the controller may start, and a wire that is busy with a long read of another client.
 fn busy_line() -> Rig {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(3600),
+        ..RigOptions::controlled()
+    });
     rig.commanded(plc(1), STOP);
     busy(&mut rig);
     rig
@@ -24,7 +27,11 @@ fn busy_line() -> Rig {
 
 fn busy(rig: &mut Rig) {
     rig.read(1, 0, PROOF, 8);
-    while rig.sent.last().is_none_or(|sent| sent.pdu != [3, 0x30, 0, 0, 8]) {
+    while rig
+        .sent
+        .last()
+        .is_none_or(|sent| sent.pdu != [3, 0x30, 0, 0, 8])
+    {
         rig.pass(Duration::from_millis(1));
     }
     rig.sent.clear();
@@ -49,9 +56,19 @@ fn a_client_that_is_gone_takes_its_run_and_setpoint_along() {
         rig.pass(Duration::from_secs(2));
         assert_eq!(rig.writes(), Vec::<Vec<u8>>::new(), "{what:?}");
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.intent, control.setpoint), (RunIntent::Stop, None), "{what:?}");
-        assert_eq!((control.command_pending, rig.core.counters().withdrawn), (false, 1));
-        assert_eq!(control.last.map(|report| report.reason), Some(Reason::CommanderLost));
+        assert_eq!(
+            (control.intent, control.setpoint),
+            (RunIntent::Stop, None),
+            "{what:?}"
+        );
+        assert_eq!(
+            (control.command_pending, rig.core.counters().withdrawn),
+            (false, 1)
+        );
+        assert_eq!(
+            control.last.map(|report| report.reason),
+            Some(Reason::CommanderLost)
+        );
     }
 }
 
@@ -67,8 +84,15 @@ fn control_is_free_again_once_the_drive_is_seen_at_standstill() {
     rig.pass(Duration::from_millis(300));
     assert_eq!(rig.view(0).control.unwrap().lease, None);
     rig.pass(Duration::from_secs(5));
-    assert_eq!(rig.writes(), Vec::<Vec<u8>>::new(), "nobody who held a drive was lost");
-    assert_eq!(rig.commanded(MQTT, run(Forward, Some(2000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.writes(),
+        Vec::<Vec<u8>>::new(),
+        "nobody who held a drive was lost"
+    );
+    assert_eq!(
+        rig.commanded(MQTT, run(Forward, Some(2000))).0,
+        Outcome::Acknowledged
+    );
 }
 
 #[test]
@@ -81,7 +105,11 @@ fn an_accepted_stop_stays() {
         order(&mut rig, GONE, plc(1), what.clone());
         leaves(&mut rig);
         rig.pass(Duration::from_secs(2));
-        assert_eq!(rig.written(RUN), [if what == STOP { 0 } else { 3 }], "{what:?}");
+        assert_eq!(
+            rig.written(RUN),
+            [if what == STOP { 0 } else { 3 }],
+            "{what:?}"
+        );
         assert!(rig.output(1) < 3000, "{what:?}: {}", rig.output(1));
         assert_eq!(rig.core.counters().withdrawn, 0);
     }
@@ -100,12 +128,18 @@ fn a_list_whose_first_write_is_on_the_wire_is_carried_on() {
     assert!(rig.written(RUN).is_empty(), "RUN is still to come");
     leaves(&mut rig);
     assert_eq!(rig.outcome_of(ticket).0, Outcome::Acknowledged);
-    assert_eq!((rig.written(RUN), rig.core.counters().withdrawn), (vec![1], 0));
+    assert_eq!(
+        (rig.written(RUN), rig.core.counters().withdrawn),
+        (vec![1], 0)
+    );
 }
 
 #[test]
 fn a_look_before_the_first_write_is_no_beginning() {
-    let mut rig = Rig::new(&RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        poll: Duration::from_secs(3600),
+        ..RigOptions::controlled()
+    });
     rig.commanded(plc(1), STOP);
     rig.commanded(plc(1), setpoint(2000));
     rig.pass(Duration::from_millis(100));
@@ -115,7 +149,10 @@ fn a_look_before_the_first_write_is_no_beginning() {
     assert_eq!(rig.sent.len(), 1, "the setpoint is being looked at");
     leaves(&mut rig);
     rig.pass(Duration::from_secs(2));
-    assert_eq!((rig.told(ticket), rig.written(RUN)), (WITHDRAWN.to_vec(), Vec::new()));
+    assert_eq!(
+        (rig.told(ticket), rig.written(RUN)),
+        (WITHDRAWN.to_vec(), Vec::new())
+    );
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop);
 }
 
@@ -123,7 +160,10 @@ fn a_look_before_the_first_write_is_no_beginning() {
 fn what_was_in_force_before_is_in_force_again() {
     let mut rig = Rig::new(&RigOptions::controlled());
     rig.commanded(plc(1), STOP);
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(plc(1), run(Forward, Some(2000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(2));
     busy(&mut rig);
     order(&mut rig, GONE, plc(1), setpoint(4000));
@@ -132,19 +172,35 @@ fn what_was_in_force_before_is_in_force_again() {
     order(&mut rig, GONE, plc(1), setpoint(4500));
     leaves(&mut rig);
     rig.pass(Duration::from_millis(500));
-    assert!(rig.written(FREQUENCY).is_empty(), "the one in between was overtaken by the last");
+    assert!(
+        rig.written(FREQUENCY).is_empty(),
+        "the one in between was overtaken by the last"
+    );
     let control = rig.view(0).control.unwrap();
-    assert_eq!((control.intent, control.setpoint), (RunIntent::Run(Forward), Some(Hertz::from_centihertz(2000))));
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).1, Reason::Unchanged, "it is in force");
+    assert_eq!(
+        (control.intent, control.setpoint),
+        (RunIntent::Run(Forward), Some(Hertz::from_centihertz(2000)))
+    );
+    assert_eq!(
+        rig.commanded(plc(1), run(Forward, Some(2000))).1,
+        Reason::Unchanged,
+        "it is in force"
+    );
 }
 
 /// A motor that runs forward and may be reversed as it is, on a line that is busy.
 fn busy_and_running() -> Rig {
     let mut settings = control();
     settings.reverse_below = Hertz::from_centihertz(5000);
-    let mut rig = Rig::new(&RigOptions { control: Some(settings), ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        control: Some(settings),
+        ..RigOptions::controlled()
+    });
     rig.commanded(plc(1), STOP);
-    assert_eq!(rig.commanded(plc(1), run(Forward, Some(2000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(plc(1), run(Forward, Some(2000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(2));
     busy(&mut rig);
     rig
@@ -157,7 +213,10 @@ fn a_stop_after_a_reversal_that_was_never_sent_goes_out() {
     leaves(&mut rig);
     assert_eq!(rig.told(ticket), WITHDRAWN);
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Run(Forward));
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     assert_eq!(rig.written(RUN), [0]);
     assert!(rig.output(1) < 2000);
 }
@@ -171,20 +230,44 @@ fn the_same_holds_for_a_reversal_whose_time_has_passed() {
     });
     assert_eq!(rig.outcome_of(late), (Outcome::Expired, Reason::TooLate));
     assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Run(Forward));
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
-    assert_eq!(rig.written(RUN), [0], "the STOP is sent, because the motor turns by our order");
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
+    assert_eq!(
+        rig.written(RUN),
+        [0],
+        "the STOP is sent, because the motor turns by our order"
+    );
 }
 
 #[test]
 fn writes_to_the_drives_own_registers_are_withdrawn_too() {
     let mut rig = busy_line();
-    let ramp = rig.ask(GONE, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![30] });
+    let ramp = rig.ask(
+        GONE,
+        0,
+        NativeAsk::Write {
+            address: 0x020C_u16.into(),
+            values: vec![30],
+        },
+    );
     leaves(&mut rig);
-    assert_eq!(rig.answer_to(ramp), NativeOutcome::Refused(Refusal::Guard(Reason::CommanderLost)));
+    assert_eq!(
+        rig.answer_to(ramp),
+        NativeOutcome::Refused(Refusal::Guard(Reason::CommanderLost))
+    );
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
     let mut rig = busy_and_running();
-    rig.ask(GONE, 0, NativeAsk::Write { address: RUN.into(), values: vec![0] });
+    rig.ask(
+        GONE,
+        0,
+        NativeAsk::Write {
+            address: RUN.into(),
+            values: vec![0],
+        },
+    );
     leaves(&mut rig);
     rig.pass(Duration::from_secs(1));
     assert_eq!(rig.written(RUN), [0], "but not a stop");
@@ -208,8 +291,16 @@ fn a_reset_is_withdrawn_and_one_that_has_begun_is_not() {
         }
         leaves(&mut rig);
         rig.pass(Duration::from_secs(3));
-        assert_eq!(rig.written(RUN), if begins { vec![0, 4, 0] } else { Vec::new() });
-        assert_eq!(rig.told(ticket) == WITHDRAWN, !begins, "{:?}", rig.told(ticket));
+        assert_eq!(
+            rig.written(RUN),
+            if begins { vec![0, 4, 0] } else { Vec::new() }
+        );
+        assert_eq!(
+            rig.told(ticket) == WITHDRAWN,
+            !begins,
+            "{:?}",
+            rig.told(ticket)
+        );
     }
 }
 
@@ -220,7 +311,13 @@ fn what_others_have_ordered_goes_on() {
     order(&mut rig, GONE, plc(1), setpoint(4000));
     leaves(&mut rig);
     assert_eq!(rig.outcome_of(ours).0, Outcome::Acknowledged);
-    assert_eq!((rig.written(FREQUENCY), rig.written(RUN)), (vec![3000], vec![1]));
+    assert_eq!(
+        (rig.written(FREQUENCY), rig.written(RUN)),
+        (vec![3000], vec![1])
+    );
     let control = rig.view(0).control.unwrap();
-    assert_eq!((control.intent, control.setpoint), (RunIntent::Run(Forward), Some(Hertz::from_centihertz(3000))));
+    assert_eq!(
+        (control.intent, control.setpoint),
+        (RunIntent::Run(Forward), Some(Hertz::from_centihertz(3000)))
+    );
 }

@@ -14,7 +14,10 @@ const RUN: u16 = 0x0002;
 const WAIT: Duration = Duration::from_millis(20);
 
 fn rig() -> Rig {
-    Rig::new(&RigOptions { keeps: true, ..RigOptions::controlled() })
+    Rig::new(&RigOptions {
+        keeps: true,
+        ..RigOptions::controlled()
+    })
 }
 
 fn running() -> Rig {
@@ -38,9 +41,15 @@ fn accounts(rig: &Rig) -> Vec<Option<(Outcome, Reason)>> {
                 accounts.push(attempt.report.map(|it| (it.outcome, it.reason)));
             }
             Entry::Ended { attempt, report } => {
-                let place = first.and_then(|first| attempt.0.checked_sub(first)).expect("an attempt before its end");
+                let place = first
+                    .and_then(|first| attempt.0.checked_sub(first))
+                    .expect("an attempt before its end");
                 let account = &mut accounts[place as usize];
-                assert_eq!(account.replace((report.outcome, report.reason)), None, "{attempt:?} ends twice");
+                assert_eq!(
+                    account.replace((report.outcome, report.reason)),
+                    None,
+                    "{attempt:?} ends twice"
+                );
             }
             _ => {}
         }
@@ -68,7 +77,11 @@ fn nothing_is_said_without_a_journal() {
     rig.pass(Duration::from_secs(5));
     assert_eq!((rig.kept.len(), rig.trips.len()), (0, 1));
     let kept = rig.view(0).trip_kept;
-    assert_eq!((kept.count, kept.total, kept.last_code), (Some(1), 1, Some(3)), "it is shown at once");
+    assert_eq!(
+        (kept.count, kept.total, kept.last_code),
+        (Some(1), 1, Some(3)),
+        "it is shown at once"
+    );
 }
 
 #[test]
@@ -84,13 +97,22 @@ fn each_attempt_is_accounted_for_once() {
     rig.commanded(plc(1), STOP);
     rig.command(plc(1), 0, Order::Renew);
     let write = |rig: &mut Rig, address, value| {
-        let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: vec![value] });
+        let ticket = rig.ask(
+            1,
+            0,
+            NativeAsk::Write {
+                address,
+                values: vec![value],
+            },
+        );
         rig.answer_to(ticket)
     };
     write(&mut rig, 0x020C_u16.into(), 50);
     write(&mut rig, 0x0999_u16.into(), 50);
     rig.pass(Duration::from_secs(1));
-    let [first, second, third, stop, listed, unknown] = accounts(&rig)[..] else { panic!("{:?}", accounts(&rig)) };
+    let [first, second, third, stop, listed, unknown] = accounts(&rig)[..] else {
+        panic!("{:?}", accounts(&rig))
+    };
     assert_eq!(first, Some((Outcome::Acknowledged, Reason::None)));
     assert_eq!(second, Some((Outcome::Refused, Reason::OutsideLimits)));
     assert_eq!(third, Some((Outcome::Refused, Reason::OtherOwner)));
@@ -103,7 +125,16 @@ fn each_attempt_is_accounted_for_once() {
     });
     let attempts: Vec<_> = attempts.collect();
     assert_eq!(attempts[3], (plc(1).owner, Tried::Order(STOP)));
-    assert_eq!(attempts[5], (ORIGIN.owner, Tried::Registers { address: 0x0999_u16.into(), values: vec![50] }));
+    assert_eq!(
+        attempts[5],
+        (
+            ORIGIN.owner,
+            Tried::Registers {
+                address: 0x0999_u16.into(),
+                values: vec![50]
+            }
+        )
+    );
 }
 
 #[test]
@@ -123,17 +154,29 @@ fn whatever_ends_an_attempt_is_its_end() {
     rig.settle();
     rig.command_unsettled(MQTT, 0, setpoint(2100));
     rig.reopen();
-    let ends: Vec<Reason> = accounts(&rig).into_iter().map(|it| it.expect("an end").1).collect();
+    let ends: Vec<Reason> = accounts(&rig)
+        .into_iter()
+        .map(|it| it.expect("an end").1)
+        .collect();
     assert_eq!(
         ends,
-        [Reason::Newer, Reason::Stopped, Reason::None, Reason::CommanderLost, Reason::LineDown],
+        [
+            Reason::Newer,
+            Reason::Stopped,
+            Reason::None,
+            Reason::CommanderLost,
+            Reason::LineDown
+        ],
         "{:?}",
         rig.kept
     );
     rig.command_unsettled(MQTT, 0, setpoint(2200));
     rig.core.end_attempts(rig.now);
     rig.settle();
-    assert_eq!(accounts(&rig).last(), Some(&Some((Outcome::Refused, Reason::ShuttingDown))));
+    assert_eq!(
+        accounts(&rig).last(),
+        Some(&Some((Outcome::Refused, Reason::ShuttingDown)))
+    );
 }
 
 #[test]
@@ -142,16 +185,40 @@ fn a_stop_ends_for_everybody_who_has_asked_for_it() {
     for client in 0..=WAITERS_MAX as u8 {
         rig.command_unsettled(plc(client), 0, STOP);
     }
-    let native = rig.ask(9, 0, NativeAsk::Write { address: RUN.into(), values: vec![0] });
+    let native = rig.ask(
+        9,
+        0,
+        NativeAsk::Write {
+            address: RUN.into(),
+            values: vec![0],
+        },
+    );
     rig.settle();
-    assert_eq!(accounts(&rig).iter().filter(|it| it.is_some()).count(), 2, "there is room for so many");
+    assert_eq!(
+        accounts(&rig).iter().filter(|it| it.is_some()).count(),
+        2,
+        "there is room for so many"
+    );
     rig.answer_to(native);
     rig.pass(Duration::from_secs(15));
-    let ends: Vec<_> = rig.kept.iter().filter(|it| matches!(it.entry, Entry::Ended { .. })).collect();
+    let ends: Vec<_> = rig
+        .kept
+        .iter()
+        .filter(|it| matches!(it.entry, Entry::Ended { .. }))
+        .collect();
     assert_eq!(ends.len(), WAITERS_MAX + 2);
-    let stops = rig.entries().into_iter().filter(|it| matches!(it, Entry::StopPending { .. } | Entry::StopOver { .. }));
+    let stops = rig
+        .entries()
+        .into_iter()
+        .filter(|it| matches!(it, Entry::StopPending { .. } | Entry::StopOver { .. }));
     let stops: Vec<Entry> = stops.cloned().collect();
-    assert_eq!(stops, [Entry::StopPending { coast: false }, Entry::StopOver { is_effective: true }]);
+    assert_eq!(
+        stops,
+        [
+            Entry::StopPending { coast: false },
+            Entry::StopOver { is_effective: true }
+        ]
+    );
 }
 
 #[test]
@@ -166,8 +233,15 @@ fn who_holds_control_is_kept_when_it_changes() {
         .filter(|it| matches!(it, Entry::Lease(_) | Entry::FailSafe { .. }))
         .cloned()
         .collect();
-    let lost = Entry::FailSafe { owner: Some(Owner::Mqtt), action: FailSafe::Stop, cause: Cause::CommanderLost };
-    assert_eq!(said, [Entry::Lease(Some(Owner::Mqtt)), lost, Entry::Lease(None)]);
+    let lost = Entry::FailSafe {
+        owner: Some(Owner::Mqtt),
+        action: FailSafe::Stop,
+        cause: Cause::CommanderLost,
+    };
+    assert_eq!(
+        said,
+        [Entry::Lease(Some(Owner::Mqtt)), lost, Entry::Lease(None)]
+    );
 }
 
 #[test]
@@ -187,7 +261,11 @@ fn a_run_that_opens_a_lease_waits_for_its_row() {
     let now = rig.now;
     rig.command(MQTT, 0, run(Direction::Forward, Some(2000)));
     rig.pass(Duration::from_millis(100));
-    let first = rig.sent.iter().find(|sent| sent.at >= now && sent.pdu[0] == 6).expect("a write");
+    let first = rig
+        .sent
+        .iter()
+        .find(|sent| sent.at >= now && sent.pdu[0] == 6)
+        .expect("a write");
     assert!(first.at.since(now) < WAIT, "{:?}", first.at.since(now));
 }
 
@@ -197,9 +275,23 @@ fn a_slow_journal_holds_no_run_back() {
     let now = rig.now;
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
     rig.pass(Duration::from_millis(200));
-    let first = rig.sent.iter().find(|sent| sent.pdu[0] == 6).expect("a write");
-    assert!(first.at.since(now) >= WAIT && first.at.since(now) < WAIT * 3, "{:?}", first.at.since(now));
-    assert_eq!(rig.notes.iter().filter(|(_, note)| *note == Note::JournalSlow).count(), 1);
+    let first = rig
+        .sent
+        .iter()
+        .find(|sent| sent.pdu[0] == 6)
+        .expect("a write");
+    assert!(
+        first.at.since(now) >= WAIT && first.at.since(now) < WAIT * 3,
+        "{:?}",
+        first.at.since(now)
+    );
+    assert_eq!(
+        rig.notes
+            .iter()
+            .filter(|(_, note)| *note == Note::JournalSlow)
+            .count(),
+        1
+    );
 }
 
 #[test]
@@ -212,10 +304,25 @@ fn a_stop_waits_for_no_row() {
     assert_eq!(rig.outcome_of(run), (Outcome::Superseded, Reason::Stopped));
     rig.outcome_of(stop);
     rig.pass(Duration::from_secs(1));
-    assert!(rig.written(RUN).iter().all(|word| *word == 0), "{:?}", rig.written(RUN));
-    let frame = rig.sent.iter().find(|sent| sent.pdu[0] == 6).expect("a stop");
-    assert!(frame.at.since(now) < Duration::from_millis(40), "{:?}", frame.at.since(now));
-    assert!(!rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow), "nothing went on without its row");
+    assert!(
+        rig.written(RUN).iter().all(|word| *word == 0),
+        "{:?}",
+        rig.written(RUN)
+    );
+    let frame = rig
+        .sent
+        .iter()
+        .find(|sent| sent.pdu[0] == 6)
+        .expect("a stop");
+    assert!(
+        frame.at.since(now) < Duration::from_millis(40),
+        "{:?}",
+        frame.at.since(now)
+    );
+    assert!(
+        !rig.notes.iter().any(|(_, note)| *note == Note::JournalSlow),
+        "nothing went on without its row"
+    );
 }
 
 #[test]
@@ -224,15 +331,29 @@ fn a_trip_is_shown_as_kept_once_it_is() {
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
     rig.pass(Duration::from_secs(3));
-    let trips: Vec<_> = rig.kept.iter().filter(|it| matches!(it.entry, Entry::Trip(..))).collect();
-    let [keep] = trips[..] else { panic!("{trips:?}") };
-    let Entry::Trip(event, baseline) = &keep.entry else { panic!() };
+    let trips: Vec<_> = rig
+        .kept
+        .iter()
+        .filter(|it| matches!(it.entry, Entry::Trip(..)))
+        .collect();
+    let [keep] = trips[..] else {
+        panic!("{trips:?}")
+    };
+    let Entry::Trip(event, baseline) = &keep.entry else {
+        panic!()
+    };
     assert_eq!((event.count, baseline.count), (Some(1), Some(1)));
     let view = rig.view(0);
     let row = keep.row;
-    assert_eq!((view.trip.seen, view.trip_kept.total, view.trip_kept.count), (1, 0, Some(0)));
+    assert_eq!(
+        (view.trip.seen, view.trip_kept.total, view.trip_kept.count),
+        (1, 0, Some(0))
+    );
     rig.core.handle(rig.now, Input::Kept(row));
     let kept = rig.view(0).trip_kept;
-    assert_eq!((kept.total, kept.count, kept.last_code), (1, Some(1), Some(7)));
+    assert_eq!(
+        (kept.total, kept.count, kept.last_code),
+        (1, Some(1), Some(7))
+    );
     assert_eq!(kept.last.unwrap().code, Some(7));
 }

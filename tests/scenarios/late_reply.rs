@@ -7,9 +7,20 @@ use vfd_gateway::journal::Remembered;
 use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 fn late(per_mille: u16, drives: u8, seed: u64) -> Rig {
-    let faults = FaultPlan { late: per_mille, ..FaultPlan::NONE };
-    let bus = BusOptions { faults, ..BusOptions::default() };
-    Rig::new(&RigOptions { drives, bus, seed, ..RigOptions::default() })
+    let faults = FaultPlan {
+        late: per_mille,
+        ..FaultPlan::NONE
+    };
+    let bus = BusOptions {
+        faults,
+        ..BusOptions::default()
+    };
+    Rig::new(&RigOptions {
+        drives,
+        bus,
+        seed,
+        ..RigOptions::default()
+    })
 }
 
 /// Clients that never pause read proof words, whose value identifies the exchange that requested them.
@@ -24,11 +35,19 @@ fn walk(rig: &mut Rig, drives: u16, late_replies: u64) -> u64 {
         rig.run_until(until, |rig, answer| {
             if let NativeOutcome::Words(words) = &answer.outcome {
                 let expected = rig.proof(answer.ticket);
-                assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
+                assert!(
+                    words.iter().all(|word| *word == expected),
+                    "{words:04X?} for exchange {expected:04X}"
+                );
                 right += 1;
             }
             let n = answer.ticket.0;
-            rig.read(answer.asker.0, (n % u64::from(drives)) as u16, PROOF, 1 + (n % 8) as u16);
+            rig.read(
+                answer.asker.0,
+                (n % u64::from(drives)) as u16,
+                PROOF,
+                1 + (n % 8) as u16,
+            );
         });
     }
     right
@@ -40,7 +59,11 @@ fn late_replies_answer_nothing_else() {
         let mut rig = late(300, 3, seed);
         let right = walk(&mut rig, 3, 5_000);
         assert!(right > 1_000, "work went on: {right}");
-        assert!(rig.core.counters().strays > 1_000, "late replies were seen: {:?}", rig.core.counters());
+        assert!(
+            rig.core.counters().strays > 1_000,
+            "late replies were seen: {:?}",
+            rig.core.counters()
+        );
     }
 }
 
@@ -77,7 +100,10 @@ fn two_late_replies_that_collide_are_no_damaged_reply() {
     rig.run_until(rig.now + Duration::from_secs(600), |rig, answer| {
         if let NativeOutcome::Words(words) = &answer.outcome {
             let expected = rig.proof(answer.ticket);
-            assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
+            assert!(
+                words.iter().all(|word| *word == expected),
+                "{words:04X?} for exchange {expected:04X}"
+            );
         }
         let n = answer.ticket.0;
         rig.read(answer.asker.0, (n % 4) as u16, PROOF, 1 + (n % 8) as u16);
@@ -92,7 +118,10 @@ fn a_station_with_a_missing_reply_is_asked_only_what_cannot_be_mistaken() {
 #[test]
 fn without_an_answer_to_the_barrier_the_longest_lateness_is_waited_out() {
     let mut rig = late(0, 1, 1);
-    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    rig.bus.set_faults(FaultPlan {
+        lost: 1000,
+        ..FaultPlan::NONE
+    });
     let first = rig.read(1, 0, PROOF, 1);
     assert_eq!(rig.answer_to(first), NativeOutcome::NoReply);
     let timed_out = rig.now;
@@ -107,13 +136,18 @@ fn without_an_answer_to_the_barrier_the_longest_lateness_is_waited_out() {
 #[test]
 fn other_stations_are_not_held_up() {
     let mut rig = late(0, 2, 1);
-    rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
+    rig.bus
+        .set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
     let dead = rig.read(1, 0, PROOF, 1);
     assert_eq!(rig.answer_to(dead), NativeOutcome::NoReply);
     let begun = rig.now;
     let alive = rig.read(2, 1, PROOF, 1);
     assert!(matches!(rig.answer_to(alive), NativeOutcome::Words(_)));
-    assert!(rig.now.since(begun) < Duration::from_millis(40), "{:?}", rig.now.since(begun));
+    assert!(
+        rig.now.since(begun) < Duration::from_millis(40),
+        "{:?}",
+        rig.now.since(begun)
+    );
 }
 
 #[test]
@@ -122,5 +156,8 @@ fn one_exchange_takes_what_the_wire_takes_and_nothing_more() {
     let begun = rig.now;
     let ticket = rig.read(1, 0, PROOF, 1);
     rig.answer_to(ticket);
-    assert_eq!(rig.now.since(begun), Duration::from_nanos(8_333_334 + 2_000_000 + 7_291_667));
+    assert_eq!(
+        rig.now.since(begun),
+        Duration::from_nanos(8_333_334 + 2_000_000 + 7_291_667)
+    );
 }

@@ -16,12 +16,25 @@ const FLOOR: Duration = Duration::from_millis(30);
 
 fn options(drives: u8, bus: BusOptions) -> RigOptions {
     let poll = Duration::from_millis(100);
-    RigOptions { drives, bus, poll, learns: true, control: Some(control()), ..RigOptions::default() }
+    RigOptions {
+        drives,
+        bus,
+        poll,
+        learns: true,
+        control: Some(control()),
+        ..RigOptions::default()
+    }
 }
 
 /// A line that has seen more than enough replies to its polls.
 fn learned(drives: u8, bus: BusOptions) -> Rig {
-    let mut rig = Rig::new(&options(drives, BusOptions { faults: FaultPlan::NONE, ..bus }));
+    let mut rig = Rig::new(&options(
+        drives,
+        BusOptions {
+            faults: FaultPlan::NONE,
+            ..bus
+        },
+    ));
     rig.pass(Duration::from_secs(400));
     rig.bus.set_faults(bus.faults);
     rig.sent.clear();
@@ -37,11 +50,26 @@ fn the_wait_is_learned_from_a_thousand_replies() {
     let mut rig = Rig::new(&options(2, BusOptions::default()));
     assert_eq!(reads(&rig, 0).timeout, CAP, "nothing is known yet");
     rig.pass(Duration::from_secs(400));
-    let ReplyReport { count, p50, p999, max, timeout, .. } = reads(&rig, 0);
+    let ReplyReport {
+        count,
+        p50,
+        p999,
+        max,
+        timeout,
+        ..
+    } = reads(&rig, 0);
     assert!(count >= 1000, "{count}");
-    assert_eq!((p50, p999, max), (max, max, Duration::from_millis(2)), "as the bus is set up");
+    assert_eq!(
+        (p50, p999, max),
+        (max, max, Duration::from_millis(2)),
+        "as the bus is set up"
+    );
     assert_eq!(timeout, FLOOR);
-    assert_eq!(rig.core.station(DriveIndex(0)).unwrap().replies[1].timeout, CAP, "no write was seen");
+    assert_eq!(
+        rig.core.station(DriveIndex(0)).unwrap().replies[1].timeout,
+        CAP,
+        "no write was seen"
+    );
 }
 
 #[test]
@@ -61,11 +89,20 @@ fn a_drive_that_becomes_slower_is_learned_and_not_given_up() {
     rig.bus.set_turnaround(Duration::from_millis(80));
     rig.pass(Duration::from_secs(20));
     for drive in 0..2 {
-        assert!(reads(&rig, drive).timeout >= Duration::from_millis(160), "{:?}", reads(&rig, drive));
+        assert!(
+            reads(&rig, drive).timeout >= Duration::from_millis(160),
+            "{:?}",
+            reads(&rig, drive)
+        );
     }
     let silent = rig.core.counters().silent;
     rig.pass(Duration::from_secs(60));
-    assert_eq!(rig.core.counters().silent, silent, "{:?}", rig.core.counters());
+    assert_eq!(
+        rig.core.counters().silent,
+        silent,
+        "{:?}",
+        rig.core.counters()
+    );
     assert_eq!(rig.core.counters().garbled, 0);
 }
 
@@ -84,8 +121,15 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
     for seed in 0..6 {
         // Late replies arrive after the learned time-out, up to the full one plus the lateness.
         let faults: FaultPlan = "late=200,timeout-ms=35,lateness-ms=660".parse().unwrap();
-        let bus = BusOptions { faults, ..BusOptions::default() };
-        let mut rig = Rig::new(&RigOptions { seed, poll: Duration::from_secs(3600), ..options(3, bus) });
+        let bus = BusOptions {
+            faults,
+            ..BusOptions::default()
+        };
+        let mut rig = Rig::new(&RigOptions {
+            seed,
+            poll: Duration::from_secs(3600),
+            ..options(3, bus)
+        });
         rig.bus.set_faults(FaultPlan::NONE);
         rig.keeps_sent = false;
         for asker in 0..4 {
@@ -98,14 +142,21 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
             rig.run_until(until, |rig, answer| {
                 if let NativeOutcome::Words(words) = &answer.outcome {
                     let expected = rig.proof(answer.ticket);
-                    assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
+                    assert!(
+                        words.iter().all(|word| *word == expected),
+                        "{words:04X?} for exchange {expected:04X}"
+                    );
                     right += 1;
                 }
                 let n = answer.ticket.0;
                 rig.read(answer.asker.0, (n % 3) as u16, PROOF, 1 + (n % 8) as u16);
             });
             if !has_faults {
-                assert_eq!(reads(&rig, 0).timeout, FLOOR, "it was learned before anything came late");
+                assert_eq!(
+                    reads(&rig, 0).timeout,
+                    FLOOR,
+                    "it was learned before anything came late"
+                );
                 has_faults = true;
                 right = 0;
                 rig.bus.set_faults(faults);
@@ -119,10 +170,20 @@ fn late_replies_are_not_mistaken_where_waits_are_learned() {
 #[test]
 fn after_an_echo_in_doubt_the_right_one_is_reckoned_with_as_long_as_any() {
     let cap = Duration::from_secs(2);
-    let control = ControlSettings { stop_effect_timeout: Duration::from_secs(60), ..control() };
+    let control = ControlSettings {
+        stop_effect_timeout: Duration::from_secs(60),
+        ..control()
+    };
     let options = options(1, BusOptions::default());
-    let mut rig = Rig::new(&RigOptions { reply_timeout: cap, control: Some(control), ..options });
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    let mut rig = Rig::new(&RigOptions {
+        reply_timeout: cap,
+        control: Some(control),
+        ..options
+    });
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(1));
     rig.sent.clear();
     let now = rig.now;
@@ -134,7 +195,13 @@ fn after_an_echo_in_doubt_the_right_one_is_reckoned_with_as_long_as_any() {
         }
     };
     let echo = |rig: &mut Rig| {
-        let frame = rig.sent.iter().rfind(|sent| sent.pdu[0] == 6).unwrap().frame.clone();
+        let frame = rig
+            .sent
+            .iter()
+            .rfind(|sent| sent.pdu[0] == 6)
+            .unwrap()
+            .frame
+            .clone();
         rig.core.handle(rig.now, Input::Bytes(&frame));
         rig.settle();
     };
@@ -145,7 +212,10 @@ fn after_an_echo_in_doubt_the_right_one_is_reckoned_with_as_long_as_any() {
     echo(&mut rig);
     until_sent(&mut rig, 3);
     rig.pass(Duration::from_millis(20));
-    assert!(rig.now < second + cap + Duration::from_millis(500), "that of the second one is not too late yet");
+    assert!(
+        rig.now < second + cap + Duration::from_millis(500),
+        "that of the second one is not too late yet"
+    );
     echo(&mut rig);
     rig.pass(Duration::from_millis(100));
     assert_eq!(rig.told(ticket), [], "and it proves nothing for the third");
@@ -173,8 +243,13 @@ fn a_stop_does_not_wait_for_a_drive_that_is_dead() {
         let silence = Duration::from_nanos(4_687_500);
         // It may be that nothing is received before the whole reply has arrived.
         let reply = Duration::from_micros((5 + 2 * words) * 1_042);
-        let bound = (asked + request + reads(&rig, 0).max + reply + silence).max(commanded + silence);
-        assert!(rig.now <= bound, "{lead_us} us: {:?} after the request", rig.now.since(asked));
+        let bound =
+            (asked + request + reads(&rig, 0).max + reply + silence).max(commanded + silence);
+        assert!(
+            rig.now <= bound,
+            "{lead_us} us: {:?} after the request",
+            rig.now.since(asked)
+        );
         assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
     }
 }
@@ -196,7 +271,12 @@ fn a_stop_that_ends_a_wait_goes_before_that_of_the_drive_that_was_waited_for() {
     rig.command_unsettled(MQTT, 1, STOP);
     rig.settle();
     rig.pass(Duration::from_millis(100));
-    let stops: Vec<u8> = rig.sent.iter().filter(|sent| sent.pdu[0] == 6).map(|sent| sent.frame[0]).collect();
+    let stops: Vec<u8> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.pdu[0] == 6)
+        .map(|sent| sent.frame[0])
+        .collect();
     assert_eq!(stops, [2, 1]);
 }
 
@@ -213,7 +293,11 @@ fn a_stop_waits_for_a_reply_that_comes_in() {
         rig.command(MQTT, 1, STOP);
         rig.pass(Duration::from_secs(1));
         assert_eq!(rig.bus.report().talked_over, 0, "{lead_us} us");
-        assert_eq!((rig.core.counters().silent, rig.core.counters().strays), (0, 0), "{lead_us} us");
+        assert_eq!(
+            (rig.core.counters().silent, rig.core.counters().strays),
+            (0, 0),
+            "{lead_us} us"
+        );
     }
 }
 
@@ -222,8 +306,15 @@ fn a_stop_waits_for_a_reply_that_comes_in() {
 fn no_stop_waits_longer_than_its_bound() {
     for (learns, seed) in [(false, 1), (true, 2), (true, 3)] {
         let faults = "lost=100,flip=30,cut=30,noise=30".parse().unwrap();
-        let bus = BusOptions { faults, ..BusOptions::default() };
-        let mut rig = Rig::new(&RigOptions { seed, learns, ..options(3, bus) });
+        let bus = BusOptions {
+            faults,
+            ..BusOptions::default()
+        };
+        let mut rig = Rig::new(&RigOptions {
+            seed,
+            learns,
+            ..options(3, bus)
+        });
         rig.keeps_sent = false;
         let mut random = fastrand::Rng::with_seed(seed);
         for _ in 0..2_000 {
@@ -237,14 +328,27 @@ fn no_stop_waits_longer_than_its_bound() {
             }
         }
         let report = rig.core.report();
-        assert!(report.measured.longest_stop > report.stop.all_healthy, "{:?}", report.measured);
-        assert!(report.measured.longest_stop <= report.stop.one_silent, "{report:?}");
+        assert!(
+            report.measured.longest_stop > report.stop.all_healthy,
+            "{:?}",
+            report.measured
+        );
+        assert!(
+            report.measured.longest_stop <= report.stop.one_silent,
+            "{report:?}"
+        );
     }
 }
 
 #[test]
 fn a_stop_among_drives_that_answer_keeps_the_shorter_bound() {
-    let mut rig = Rig::new(&options(3, BusOptions { turnaround: Duration::from_millis(10), ..BusOptions::default() }));
+    let mut rig = Rig::new(&options(
+        3,
+        BusOptions {
+            turnaround: Duration::from_millis(10),
+            ..BusOptions::default()
+        },
+    ));
     rig.keeps_sent = false;
     let mut random = fastrand::Rng::with_seed(1);
     for _ in 0..2_000 {
@@ -257,19 +361,29 @@ fn a_stop_among_drives_that_answer_keeps_the_shorter_bound() {
     }
     let report = rig.core.report();
     let waited = report.measured.longest_stop;
-    assert!(waited <= report.stop.all_healthy && waited > report.stop.all_healthy / 3, "{report:?}");
+    assert!(
+        waited <= report.stop.all_healthy && waited > report.stop.all_healthy / 3,
+        "{report:?}"
+    );
 }
 
 #[test]
 fn the_planned_age_is_kept_also_by_a_plan_that_is_over_full() {
     for drives in [4, 12, 30] {
-        let bus = BusOptions { turnaround: Duration::from_millis(10), ..BusOptions::default() };
+        let bus = BusOptions {
+            turnaround: Duration::from_millis(10),
+            ..BusOptions::default()
+        };
         let mut rig = Rig::new(&options(drives, bus));
         rig.pass(Duration::from_secs(300));
         for drive in 0..drives.into() {
             let station = rig.core.station(DriveIndex(drive)).unwrap();
             let planned = station.planned_age.unwrap();
-            assert!(station.oldest_age <= planned, "{drives} drives: {:?}, planned {planned:?}", station.oldest_age);
+            assert!(
+                station.oldest_age <= planned,
+                "{drives} drives: {:?}, planned {planned:?}",
+                station.oldest_age
+            );
         }
     }
 }

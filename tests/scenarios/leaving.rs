@@ -19,7 +19,10 @@ fn bound(rig: &Rig) -> Vec<DriveIndex> {
 
 fn running() -> Rig {
     let mut rig = Rig::new(&RigOptions::controlled());
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(1));
     rig
 }
@@ -32,11 +35,21 @@ fn a_drive_at_rest_may_leave_and_takes_no_command_meanwhile() {
         rig.core.handle(rig.now, Input::Leave { stops });
         assert!(in_use(&rig).is_empty() && bound(&rig).is_empty());
         let refused = (Outcome::Refused, Reason::Removed);
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), refused);
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+            refused
+        );
         assert_eq!(rig.commanded(MQTT, Order::Renew), refused);
-        assert_eq!(rig.commanded(plc(1), STOP).0, Outcome::Confirmed, "a stop is always taken");
+        assert_eq!(
+            rig.commanded(plc(1), STOP).0,
+            Outcome::Confirmed,
+            "a stop is always taken"
+        );
         rig.core.handle(rig.now, Input::Stay);
-        assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+        assert_eq!(
+            rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0,
+            Outcome::Acknowledged
+        );
         assert!(rig.notes.is_empty(), "{:?}", rig.notes);
     }
 }
@@ -49,7 +62,11 @@ fn a_running_drive_is_in_use_and_left_alone_where_leaving_is_only_asked_for() {
     rig.pass(Duration::from_secs(1));
     rig.core.handle(rig.now, Input::Stay);
     assert_eq!(rig.written(RUN), [1]);
-    assert_eq!(rig.commanded(MQTT, Order::Renew).0, Outcome::Acknowledged, "its lease has survived");
+    assert_eq!(
+        rig.commanded(MQTT, Order::Renew).0,
+        Outcome::Acknowledged,
+        "its lease has survived"
+    );
 }
 
 #[test]
@@ -64,9 +81,16 @@ fn a_running_drive_is_stopped_before_it_leaves() {
         rig.pass(Duration::from_millis(10));
     }
     assert_eq!(rig.written(RUN), [1, 0]);
-    assert_eq!(rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(), [Note::Leaving]);
+    assert_eq!(
+        rig.notes.iter().map(|(_, note)| *note).collect::<Vec<_>>(),
+        [Note::Leaving]
+    );
     assert_eq!(rig.view(0).control.unwrap().lease, None);
-    assert_eq!(in_use(&rig), [PUMP], "the ramp lasts longer, and nothing more can be done about it");
+    assert_eq!(
+        in_use(&rig),
+        [PUMP],
+        "the ramp lasts longer, and nothing more can be done about it"
+    );
 }
 
 #[test]

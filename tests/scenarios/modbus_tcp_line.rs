@@ -20,19 +20,39 @@ const TIMEOUT: Duration = Duration::from_millis(200);
 
 /// A line of `drives` on which `faults` happen.
 fn line(drives: u8, faults: &str, seed: u64) -> Rig {
-    let bus = BusOptions { faults: faults.parse().expect("a plan"), ..BusOptions::default() };
-    Rig::new(&RigOptions { drives, bus, seed, ..RigOptions::default() }.modbus_tcp())
+    let bus = BusOptions {
+        faults: faults.parse().expect("a plan"),
+        ..BusOptions::default()
+    };
+    Rig::new(
+        &RigOptions {
+            drives,
+            bus,
+            seed,
+            ..RigOptions::default()
+        }
+        .modbus_tcp(),
+    )
 }
 
 /// A line of `drives` under control.
 fn controlled(drives: u8) -> Rig {
-    Rig::new(&RigOptions { drives, ..RigOptions::controlled() }.modbus_tcp())
+    Rig::new(
+        &RigOptions {
+            drives,
+            ..RigOptions::controlled()
+        }
+        .modbus_tcp(),
+    )
 }
 
 /// One drive that runs at 30 Hz for MQTT.
 fn running() -> Rig {
     let mut rig = controlled(1);
-    assert_eq!(rig.commanded(MQTT, run(Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.live(Duration::from_secs(20));
     assert_eq!(rig.output(1), 3000);
     rig
@@ -56,7 +76,9 @@ fn until(rig: &mut Rig, is_so: impl Fn(&Rig) -> bool) {
 
 /// Lets time pass until a request with `function` was sent.
 fn until_sent(rig: &mut Rig, function: u8) {
-    until(rig, |rig| rig.sent.last().is_some_and(|sent| sent.pdu[0] == function));
+    until(rig, |rig| {
+        rig.sent.last().is_some_and(|sent| sent.pdu[0] == function)
+    });
 }
 
 /// Clients that never pause read proof words for `time`; returns how many reads ended with their words.
@@ -69,7 +91,10 @@ fn read_on(rig: &mut Rig, drives: u16, time: Duration) -> u64 {
     rig.run_until(rig.now + time, |rig, answer| {
         if let NativeOutcome::Words(words) = &answer.outcome {
             let expected = rig.proof(answer.ticket);
-            assert!(words.iter().all(|word| *word == expected), "{words:04X?} for exchange {expected:04X}");
+            assert!(
+                words.iter().all(|word| *word == expected),
+                "{words:04X?} for exchange {expected:04X}"
+            );
             right += 1;
         }
         let n = answer.ticket.0;
@@ -83,9 +108,15 @@ fn read_on(rig: &mut Rig, drives: u16, time: Duration) -> u64 {
 fn a_drive_is_commanded_and_stopped() {
     let mut rig = running();
     assert_eq!(rig.view(0).run_state, RunState::Forward);
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     rig.pass(Duration::from_secs(20));
-    assert_eq!((rig.output(1), rig.view(0).run_state), (0, RunState::Stopped));
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (0, RunState::Stopped)
+    );
     assert_eq!(rig.written(RUN), [1, 0]);
 }
 
@@ -95,37 +126,64 @@ fn an_hour_of_delays_beyond_the_time_out_gives_no_wrong_value() {
     let right = read_on(&mut rig, 3, Duration::from_secs(3600));
     let (counters, report) = (*rig.core.counters(), rig.bus.report().clone());
     assert!(right > 10_000, "work went on: {right} {counters:?}");
-    assert!(report.replies_late > 5_000 && counters.strays > 5_000, "{report:?} {counters:?}");
+    assert!(
+        report.replies_late > 5_000 && counters.strays > 5_000,
+        "{report:?} {counters:?}"
+    );
     assert_eq!(counters.barriers, 0, "nothing has to be ruled out");
 }
 
 #[test]
 fn a_missing_reply_holds_up_nothing_that_follows() {
     let mut rig = line(1, "", 1);
-    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    rig.bus.set_faults(FaultPlan {
+        lost: 1000,
+        ..FaultPlan::NONE
+    });
     let first = rig.read(1, 0, PROOF, 1);
     rig.bus.set_faults(FaultPlan::NONE);
     let same = rig.read(1, 0, PROOF + 1, 1);
     assert_eq!(rig.answer_to(first), NativeOutcome::NoReply);
     let timed_out = rig.now;
     assert!(matches!(rig.answer_to(same), NativeOutcome::Words(_)));
-    assert_eq!(rig.now.since(timed_out), Duration::from_millis(2), "one turnaround, and no lateness waited out");
+    assert_eq!(
+        rig.now.since(timed_out),
+        Duration::from_millis(2),
+        "one turnaround, and no lateness waited out"
+    );
 }
 
 #[test]
 fn one_request_is_on_the_connection_at_a_time() {
     let faults = "late=100,lost=100".parse().expect("a plan");
-    let bus = BusOptions { faults, ..BusOptions::default() };
+    let bus = BusOptions {
+        faults,
+        ..BusOptions::default()
+    };
     let poll = Duration::from_millis(20);
-    let mut rig = Rig::new(&RigOptions { drives: 3, bus, poll, ..RigOptions::default() }.modbus_tcp());
+    let mut rig = Rig::new(
+        &RigOptions {
+            drives: 3,
+            bus,
+            poll,
+            ..RigOptions::default()
+        }
+        .modbus_tcp(),
+    );
     rig.tells_traffic();
     rig.pass(Duration::from_secs(60));
     let mut open: Option<MonoTime> = None;
     for record in &rig.traffic {
         match record.kind.word() {
             "request" => {
-                let ended = open.replace(record.begin).is_none_or(|sent| record.begin.since(sent) >= TIMEOUT);
-                assert!(ended, "a request at {:?} while another one waits", record.begin);
+                let ended = open
+                    .replace(record.begin)
+                    .is_none_or(|sent| record.begin.since(sent) >= TIMEOUT);
+                assert!(
+                    ended,
+                    "a request at {:?} while another one waits",
+                    record.begin
+                );
             }
             "reply" => open = None,
             _ => {}
@@ -141,7 +199,9 @@ fn a_stop_waits_for_one_time_out_and_is_confirmed_at_once() {
         let bound = rig.core.report().stop;
         assert_eq!(bound.one_silent, TIMEOUT, "no characters, no silence");
         rig.bus.set_powered(rig.now, Station(silent), false);
-        until(&mut rig, |rig| rig.sent.last().is_some_and(|sent| sent.frame[6] == silent));
+        until(&mut rig, |rig| {
+            rig.sent.last().is_some_and(|sent| sent.frame[6] == silent)
+        });
         let on_wire = rig.now;
         rig.pass(Duration::from_millis(1));
         let asked = rig.now;
@@ -149,9 +209,16 @@ fn a_stop_waits_for_one_time_out_and_is_confirmed_at_once() {
         rig.bus.set_powered(rig.now, Station(silent), true);
         until_sent(&mut rig, 6);
         let sent = rig.sent.last().expect("the stop").at;
-        assert!(sent.since(asked) <= bound.one_silent && sent.since(on_wire) <= TIMEOUT, "drive {silent} was silent");
+        assert!(
+            sent.since(asked) <= bound.one_silent && sent.since(on_wire) <= TIMEOUT,
+            "drive {silent} was silent"
+        );
         assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
-        assert!(rig.now.since(sent) < Duration::from_millis(100), "{:?}", rig.now.since(sent));
+        assert!(
+            rig.now.since(sent) < Duration::from_millis(100),
+            "{:?}",
+            rig.now.since(sent)
+        );
     }
 }
 
@@ -169,8 +236,15 @@ fn the_late_reply_to_a_stop_acknowledges_no_later_stop() {
     rig.core.handle(rig.now, Input::Bytes(&late));
     rig.settle();
     rig.pass(TIMEOUT * 2);
-    let is_taken = |outcome: &Outcome| matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed);
-    assert!(!rig.told(ticket).iter().any(|(outcome, ..)| is_taken(outcome)), "{:?}", rig.told(ticket));
+    let is_taken =
+        |outcome: &Outcome| matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed);
+    assert!(
+        !rig.told(ticket)
+            .iter()
+            .any(|(outcome, ..)| is_taken(outcome)),
+        "{:?}",
+        rig.told(ticket)
+    );
     assert!(rig.view(0).control.expect("control").stop_pending);
     rig.swallows = None;
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
@@ -184,8 +258,17 @@ fn all_drives_are_stopped_one_after_the_other() {
     }
     rig.settle();
     rig.pass(Duration::from_secs(2));
-    assert_eq!(rig.core.counters().broadcasts, 0, "a connection carries none");
-    let stops: Vec<u8> = rig.sent.iter().filter(|sent| sent.pdu == [6, 0, 2, 0, 0]).map(|sent| sent.frame[6]).collect();
+    assert_eq!(
+        rig.core.counters().broadcasts,
+        0,
+        "a connection carries none"
+    );
+    let stops: Vec<u8> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.pdu == [6, 0, 2, 0, 0])
+        .map(|sent| sent.frame[6])
+        .collect();
     assert_eq!(stops, [1, 2, 3]);
 }
 
@@ -204,7 +287,9 @@ fn a_connection_that_comes_and_goes_repeats_no_command_and_starts_nothing() {
         let (outcome, _) = rig.outcome_of(ticket);
         let runs = rig.written(RUN);
         match outcome {
-            Outcome::Unknown | Outcome::Acknowledged | Outcome::Confirmed => assert_eq!(runs, [1], "{moment_ms} ms"),
+            Outcome::Unknown | Outcome::Acknowledged | Outcome::Confirmed => {
+                assert_eq!(runs, [1], "{moment_ms} ms")
+            }
             _ => assert!(runs.is_empty(), "{moment_ms} ms: {outcome:?}"),
         }
         let was_open = runs.len();
@@ -227,7 +312,11 @@ fn a_reply_of_an_earlier_connection_answers_nothing_on_the_next() {
     let ticket = rig.read(1, 0, PROOF, 1);
     rig.core.handle(rig.now, Input::Bytes(&of_earlier));
     rig.settle();
-    assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply, "a converter brings it along: it is not ours");
+    assert_eq!(
+        rig.answer_to(ticket),
+        NativeOutcome::NoReply,
+        "a converter brings it along: it is not ours"
+    );
 }
 
 #[test]
@@ -237,17 +326,38 @@ fn a_stream_out_of_step_is_given_up_before_anything_else_is_sent() {
     until_sent(&mut rig, 6);
     let sent = rig.sent.len();
     let waiting = rig.read(1, 0, PROOF, 1);
-    rig.core.handle(rig.now, Input::Bytes(b"HTTP/1.1 400 Bad Request\r\n"));
+    rig.core
+        .handle(rig.now, Input::Bytes(b"HTTP/1.1 400 Bad Request\r\n"));
     rig.core.handle(rig.now, Input::Bytes(&[0; 300]));
     rig.settle();
-    assert_eq!(rig.reopens.iter().map(|(_, fault)| *fault).collect::<Vec<_>>(), [LineFault::OutOfStep]);
+    assert_eq!(
+        rig.reopens
+            .iter()
+            .map(|(_, fault)| *fault)
+            .collect::<Vec<_>>(),
+        [LineFault::OutOfStep]
+    );
     assert_eq!(rig.core.report().state, LineState::Down);
-    assert_eq!(rig.outcome_of(ticket).0, Outcome::Unknown, "whether it was heard is not known");
-    assert_eq!(rig.answer_to(waiting), NativeOutcome::Refused(Refusal::LineDown));
+    assert_eq!(
+        rig.outcome_of(ticket).0,
+        Outcome::Unknown,
+        "whether it was heard is not known"
+    );
+    assert_eq!(
+        rig.answer_to(waiting),
+        NativeOutcome::Refused(Refusal::LineDown)
+    );
     let refused = rig.read(1, 0, PROOF, 1);
-    assert_eq!(rig.answer_to(refused), NativeOutcome::Refused(Refusal::LineDown));
+    assert_eq!(
+        rig.answer_to(refused),
+        NativeOutcome::Refused(Refusal::LineDown)
+    );
     rig.pass(Duration::from_secs(5));
-    assert_eq!(rig.sent.len(), sent, "nothing goes out on a connection that is given up");
+    assert_eq!(
+        rig.sent.len(),
+        sent,
+        "nothing goes out on a connection that is given up"
+    );
     rig.close(LineFault::OutOfStep);
     rig.open();
     let ticket = rig.read(1, 0, PROOF, 1);
@@ -257,7 +367,8 @@ fn a_stream_out_of_step_is_given_up_before_anything_else_is_sent() {
 #[test]
 fn a_lease_ends_on_a_connection_whose_replies_are_late() {
     let mut rig = running();
-    rig.bus.set_faults("late=300,beyond=100,twin=200".parse().expect("a plan"));
+    rig.bus
+        .set_faults("late=300,beyond=100,twin=200".parse().expect("a plan"));
     rig.pass(Duration::from_secs(60));
     assert_eq!(rig.written(RUN).first(), Some(&1));
     assert!(rig.written(RUN).iter().skip(1).all(|word| *word == 0) && rig.written(RUN).len() > 1);
@@ -273,7 +384,10 @@ fn parts(rig: &mut Rig) {
 }
 
 fn connects(rig: &mut Rig) {
-    assert!(rig.core.connects_at().is_some_and(|at| at <= rig.now), "a frame is due");
+    assert!(
+        rig.core.connects_at().is_some_and(|at| at <= rig.now),
+        "a frame is due"
+    );
     rig.core.handle(rig.now, Input::ConnectionBack);
     rig.settle();
 }
@@ -281,9 +395,11 @@ fn connects(rig: &mut Rig) {
 #[test]
 fn what_waits_for_another_connection_is_decided_when_it_stands() {
     // The deadline of a command is a second.
-    for (stops_after, connects_after, expected) in
-        [(None, 300, [1].as_slice()), (None, 1250, &[]), (Some(400), 900, &[0])]
-    {
+    for (stops_after, connects_after, expected) in [
+        (None, 300, [1].as_slice()),
+        (None, 1250, &[]),
+        (Some(400), 900, &[0]),
+    ] {
         let mut rig = controlled(1);
         assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed);
         parts(&mut rig);
@@ -295,7 +411,10 @@ fn what_waits_for_another_connection_is_decided_when_it_stands() {
             rig.command(plc(1), 0, STOP)
         });
         rig.pass(Duration::from_millis(connects_after).saturating_sub(rig.now.since(began)));
-        assert!(rig.sent.is_empty(), "nothing is written without a connection");
+        assert!(
+            rig.sent.is_empty(),
+            "nothing is written without a connection"
+        );
         connects(&mut rig);
         rig.pass(Duration::from_secs(2));
         let told = format!("{stops_after:?} {connects_after}");
@@ -303,7 +422,10 @@ fn what_waits_for_another_connection_is_decided_when_it_stands() {
         let outcome = rig.outcome_of(ordered).0;
         match (stop, connects_after) {
             (Some(stop), _) => {
-                assert_eq!((outcome, rig.outcome_of(stop).0), (Outcome::Superseded, Outcome::Confirmed));
+                assert_eq!(
+                    (outcome, rig.outcome_of(stop).0),
+                    (Outcome::Superseded, Outcome::Confirmed)
+                );
             }
             (None, 300) => assert_eq!(outcome, Outcome::Acknowledged, "{told}"),
             _ => assert_eq!(outcome, Outcome::Expired, "{told}"),
@@ -321,7 +443,10 @@ fn the_time_to_connect_is_no_part_of_the_time_for_the_reply() {
         connects(&mut rig);
         assert!(matches!(rig.answer_to(ticket), NativeOutcome::Words(_)));
     }
-    assert_eq!((rig.core.counters().silent, rig.core.report().state), (0, LineState::Up));
+    assert_eq!(
+        (rig.core.counters().silent, rig.core.report().state),
+        (0, LineState::Up)
+    );
 }
 
 #[test]
@@ -337,7 +462,11 @@ fn an_exchange_ends_with_its_connection() {
     rig.sent.clear();
     connects(&mut rig);
     until_sent(&mut rig, 6);
-    assert!(rig.now.since(closed) < TIMEOUT / 2, "{:?}", rig.now.since(closed));
+    assert!(
+        rig.now.since(closed) < TIMEOUT / 2,
+        "{:?}",
+        rig.now.since(closed)
+    );
     assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
 }
 
@@ -360,7 +489,11 @@ fn a_drive_that_a_converter_does_not_reach_is_silent() {
             let limit = rig.now + Duration::from_secs(60);
             assert!(rig.step(limit));
         }
-        assert_eq!(rig.outcome_of(ticket).0, Outcome::Unknown, "it may have been written");
+        assert_eq!(
+            rig.outcome_of(ticket).0,
+            Outcome::Unknown,
+            "it may have been written"
+        );
         assert_eq!(rig.core.counters().exceptions, 0);
         let writes = rig.writes().len();
         rig.pass(Duration::from_secs(60));
@@ -380,7 +513,10 @@ fn a_busy_drive_is_there() {
     let busy = answer_to_newest(&rig, &[0x83, 6]);
     rig.core.handle(rig.now, Input::Bytes(&busy));
     rig.settle();
-    assert!(matches!(rig.answer_to(ticket), NativeOutcome::DriveException { code: 6, .. }));
+    assert!(matches!(
+        rig.answer_to(ticket),
+        NativeOutcome::DriveException { code: 6, .. }
+    ));
     assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
 }
 
@@ -395,11 +531,21 @@ fn a_server_that_takes_everything_and_says_nothing_is_connected_to_again() {
         rig.answer_to(ticket);
     }
     rig.pass(Duration::from_secs(600));
-    let waits: Vec<_> = rig.reopens.windows(2).map(|pair| pair[1].0.since(pair[0].0).as_secs()).collect();
+    let waits: Vec<_> = rig
+        .reopens
+        .windows(2)
+        .map(|pair| pair[1].0.since(pair[0].0).as_secs())
+        .collect();
     assert!(
-        rig.reopens.iter().all(|(_, fault)| *fault == LineFault::Mute) && rig.reopens.len() > 3,
+        rig.reopens
+            .iter()
+            .all(|(_, fault)| *fault == LineFault::Mute)
+            && rig.reopens.len() > 3,
         "{:?}",
         rig.reopens
     );
-    assert!(waits.windows(2).all(|pair| pair[0] <= pair[1]), "with growing waits: {waits:?}");
+    assert!(
+        waits.windows(2).all(|pair| pair[0] <= pair[1]),
+        "with growing waits: {waits:?}"
+    );
 }

@@ -1,7 +1,9 @@
 //! A native request is more than one frame, or less: blocks over run and setpoint are one command, long reads are cut
 //! as the drive counts, and loop tests reach only those that serve them.
 
-use crate::support::families::{accepting, listing, models, quiet, refused, single, stopped, write};
+use crate::support::families::{
+    accepting, listing, models, quiet, refused, single, stopped, write,
+};
 use crate::support::{MQTT, Rig, RigOptions, model, run};
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +24,13 @@ const BLOCKS: &[(&str, u16, u16, u16, bool)] = &[
 
 fn block(address: u16, words: [u16; 2]) -> Vec<u8> {
     let head = [address, 2].map(u16::to_be_bytes).concat();
-    [vec![0x10], head, vec![4], words.map(u16::to_be_bytes).concat()].concat()
+    [
+        vec![0x10],
+        head,
+        vec![4],
+        words.map(u16::to_be_bytes).concat(),
+    ]
+    .concat()
 }
 
 fn read(rig: &mut Rig, address: u16, count: u16) -> NativeOutcome {
@@ -33,15 +41,24 @@ fn read(rig: &mut Rig, address: u16, count: u16) -> NativeOutcome {
 /// Places of the reads among the frames so far.
 fn reads(rig: &Rig) -> Vec<(u16, u16)> {
     let word = |pdu: &[u8], at: usize| u16::from_be_bytes([pdu[at], pdu[at + 1]]);
-    let reads = rig.sent.iter().filter(|sent| sent.pdu[0] == function::READ_HOLDING);
-    reads.map(|sent| (word(&sent.pdu, 1), word(&sent.pdu, 3))).collect()
+    let reads = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.pdu[0] == function::READ_HOLDING);
+    reads
+        .map(|sent| (word(&sent.pdu, 1), word(&sent.pdu, 3)))
+        .collect()
 }
 
 #[test]
 fn a_block_over_run_and_setpoint_is_one_command_with_the_setpoint_first() {
     for (id, address, run, _, in_one_frame) in BLOCKS {
         let mut rig = stopped(id, accepting());
-        assert_eq!(write(&mut rig, *address, &[*run, 3000]), NativeOutcome::Written, "{id}");
+        assert_eq!(
+            write(&mut rig, *address, &[*run, 3000]),
+            NativeOutcome::Written,
+            "{id}"
+        );
         rig.pass(Duration::from_millis(1500));
         let frames = if *in_one_frame {
             vec![block(*address, [*run, 3000])]
@@ -50,7 +67,11 @@ fn a_block_over_run_and_setpoint_is_one_command_with_the_setpoint_first() {
         };
         assert_eq!(rig.writes(), frames, "{id}");
         assert!(rig.output(1) > 0, "{id}");
-        assert_eq!(rig.view(0).control.unwrap().commands, 2, "{id}: the stop before, and the block");
+        assert_eq!(
+            rig.view(0).control.unwrap().commands,
+            2,
+            "{id}: the stop before, and the block"
+        );
     }
 }
 
@@ -63,7 +84,11 @@ fn a_stop_in_a_block_goes_alone_and_before_all() {
         assert!(rig.output(1) > 0, "{id}");
         rig.sent.clear();
         // A setpoint that is not allowed does not hold up a stop either.
-        assert_eq!(write(&mut rig, *address, &[*stop, 9000]), NativeOutcome::Written, "{id}");
+        assert_eq!(
+            write(&mut rig, *address, &[*stop, 9000]),
+            NativeOutcome::Written,
+            "{id}"
+        );
         rig.pass(Duration::from_secs(8));
         assert_eq!(rig.writes(), [single(*address, *stop)], "{id}");
         assert_eq!(rig.output(1), 0, "{id}");
@@ -73,12 +98,30 @@ fn a_stop_in_a_block_goes_alone_and_before_all() {
 #[test]
 fn a_stop_overtakes_the_block_that_is_not_yet_through() {
     let mut rig = stopped("frecon-fr500a", accepting());
-    let block = rig.ask(1, 0, NativeAsk::Write { address: 0x2000_u16.into(), values: vec![1, 3000] });
-    let stop = rig.ask(2, 0, NativeAsk::Write { address: 0x2000_u16.into(), values: vec![5, 3000] });
+    let block = rig.ask(
+        1,
+        0,
+        NativeAsk::Write {
+            address: 0x2000_u16.into(),
+            values: vec![1, 3000],
+        },
+    );
+    let stop = rig.ask(
+        2,
+        0,
+        NativeAsk::Write {
+            address: 0x2000_u16.into(),
+            values: vec![5, 3000],
+        },
+    );
     assert_eq!(rig.answer_to(stop), NativeOutcome::Written);
     assert_eq!(rig.answer_to(block), NativeOutcome::Superseded);
     rig.pass(Duration::from_secs(2));
-    let runs = rig.writes().iter().filter(|pdu| **pdu == single(0x2000, 1)).count();
+    let runs = rig
+        .writes()
+        .iter()
+        .filter(|pdu| **pdu == single(0x2000, 1))
+        .count();
     assert_eq!((runs, rig.output(1)), (0, 0), "{:02X?}", rig.writes());
 }
 
@@ -86,12 +129,25 @@ fn a_stop_overtakes_the_block_that_is_not_yet_through() {
 fn several_registers_in_one_frame_are_written_only_where_the_model_knows_such_blocks() {
     for model in models() {
         let mut rig = stopped(&model.id, accepting());
-        for order in [run(Direction::Forward, Some(3000)), Order::Stop { setpoint: None }] {
+        for order in [
+            run(Direction::Forward, Some(3000)),
+            Order::Stop { setpoint: None },
+        ] {
             rig.commanded(MQTT, order);
             rig.live(Duration::from_secs(8));
         }
-        let blocks = rig.sent.iter().filter(|sent| sent.pdu[0] == function::WRITE_MULTIPLE).count();
-        assert_eq!(blocks, usize::from(model.id == "teco-e510"), "{}: {:02X?}", model.id, rig.writes());
+        let blocks = rig
+            .sent
+            .iter()
+            .filter(|sent| sent.pdu[0] == function::WRITE_MULTIPLE)
+            .count();
+        assert_eq!(
+            blocks,
+            usize::from(model.id == "teco-e510"),
+            "{}: {:02X?}",
+            model.id,
+            rig.writes()
+        );
     }
 }
 
@@ -104,9 +160,17 @@ fn parameters_go_one_by_one_and_are_read_back() {
         ("hyundai-n100plus", 0x0202, [50, 60]),
     ] {
         let mut rig = quiet(id, listing(vec![address, address + 1]));
-        assert_eq!(write(&mut rig, address, &values), NativeOutcome::Written, "{id}");
+        assert_eq!(
+            write(&mut rig, address, &values),
+            NativeOutcome::Written,
+            "{id}"
+        );
         rig.pass(Duration::from_secs(2));
-        assert_eq!(rig.writes(), [single(address, values[0]), single(address + 1, values[1])], "{id}");
+        assert_eq!(
+            rig.writes(),
+            [single(address, values[0]), single(address + 1, values[1])],
+            "{id}"
+        );
         assert_eq!(reads(&rig), [(address, 1), (address + 1, 1)], "{id}");
     }
 }
@@ -114,7 +178,12 @@ fn parameters_go_one_by_one_and_are_read_back() {
 /// A Frecon with 20 registers more that end in front of its run command.
 fn with_many_registers() -> Arc<Model> {
     let mut model = Model::clone(&model("frecon-fr500a"));
-    let like = model.registers.iter().find(|register| register.name == "stop_mode").unwrap().clone();
+    let like = model
+        .registers
+        .iter()
+        .find(|register| register.name == "stop_mode")
+        .unwrap()
+        .clone();
     for address in 0x1FEC..0x2000 {
         let name = format!("more_{address:04x}");
         let code = None;
@@ -137,8 +206,15 @@ fn a_write_of_more_than_sixteen_frames_is_refused_whole() {
     let control = listing((0x1FEC..0x2000).collect());
     let rig = || {
         let options = crate::support::families::options_of(&model, control.clone());
-        let mut rig = Rig::new(&RigOptions { poll: RigOptions::default().poll, ..options });
-        assert_eq!(rig.commanded(crate::support::ORIGIN, crate::support::STOP).0, Outcome::Confirmed);
+        let mut rig = Rig::new(&RigOptions {
+            poll: RigOptions::default().poll,
+            ..options
+        });
+        assert_eq!(
+            rig.commanded(crate::support::ORIGIN, crate::support::STOP)
+                .0,
+            Outcome::Confirmed
+        );
         rig.sent.clear();
         rig
     };
@@ -153,18 +229,34 @@ fn a_write_of_more_than_sixteen_frames_is_refused_whole() {
     ] {
         let mut rig = rig();
         let outcome = write(&mut rig, address, &values);
-        let expected = if frames.is_some() { NativeOutcome::Written } else { refused(Reason::TooManyFrames) };
+        let expected = if frames.is_some() {
+            NativeOutcome::Written
+        } else {
+            refused(Reason::TooManyFrames)
+        };
         assert_eq!(outcome, expected, "{} words", values.len());
         rig.pass(Duration::from_secs(2));
-        assert_eq!(rig.writes().len(), frames.unwrap_or(0), "{} words", values.len());
+        assert_eq!(
+            rig.writes().len(),
+            frames.unwrap_or(0),
+            "{} words",
+            values.len()
+        );
     }
 }
 
 #[test]
 fn a_read_of_more_than_sixteen_frames_is_refused_whole() {
-    for (id, address, most) in [("toshiba-vf-as1", 0xFE00, 16), ("toshiba-vf-s15", 0xFE00, 16)] {
+    for (id, address, most) in [
+        ("toshiba-vf-as1", 0xFE00, 16),
+        ("toshiba-vf-s15", 0xFE00, 16),
+    ] {
         let mut rig = quiet(id, accepting());
-        assert_eq!(read(&mut rig, address, most + 1), NativeOutcome::Refused(Refusal::TooManyFrames), "{id}");
+        assert_eq!(
+            read(&mut rig, address, most + 1),
+            NativeOutcome::Refused(Refusal::TooManyFrames),
+            "{id}"
+        );
         assert!(rig.sent.is_empty(), "{id}: {:02X?}", rig.frames());
     }
 }
@@ -173,17 +265,27 @@ fn a_read_of_more_than_sixteen_frames_is_refused_whole() {
 fn a_long_read_is_cut_as_the_drive_counts() {
     for id in ["toshiba-vf-as1", "toshiba-vf-s15"] {
         let mut rig = quiet(id, accepting());
-        let NativeOutcome::Words(words) = read(&mut rig, 0xFE07, 5) else { panic!("{id}: words") };
+        let NativeOutcome::Words(words) = read(&mut rig, 0xFE07, 5) else {
+            panic!("{id}: words")
+        };
         assert_eq!(words.len(), 5);
         let numbers = [0xFE07, 0xFE08, 0xFE09, 0xFE10, 0xFE11].map(|number| (number, 1));
         assert_eq!(reads(&rig), numbers, "{id}: FE10 follows FE09");
     }
     let mut rig = quiet("hyundai-n100plus", accepting());
-    let NativeOutcome::Words(words) = read(&mut rig, 0x0101, 29) else { panic!("words") };
+    let NativeOutcome::Words(words) = read(&mut rig, 0x0101, 29) else {
+        panic!("words")
+    };
     assert_eq!(words.len(), 29);
-    assert_eq!(reads(&rig), [(0x0101, 8), (0x0109, 8), (0x0111, 8), (0x0119, 5)]);
+    assert_eq!(
+        reads(&rig),
+        [(0x0101, 8), (0x0109, 8), (0x0111, 8), (0x0119, 5)]
+    );
     let mut rig = quiet("teco-e510", accepting());
-    assert!(matches!(read(&mut rig, 0x2520, 10), NativeOutcome::Words(_)));
+    assert!(matches!(
+        read(&mut rig, 0x2520, 10),
+        NativeOutcome::Words(_)
+    ));
     assert_eq!(reads(&rig), [(0x2520, 10)], "one frame holds 37");
 }
 
@@ -194,24 +296,48 @@ fn each_word_of_a_cut_read_stands_in_its_place() {
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(Duration::from_secs(8));
         let now = rig.now;
-        rig.bus.drive_mut(vfd_gateway::domain::ids::Station(1)).unwrap().trip(now, 3);
+        rig.bus
+            .drive_mut(vfd_gateway::domain::ids::Station(1))
+            .unwrap()
+            .trip(now, 3);
         rig.pass(Duration::from_secs(1));
-        let NativeOutcome::Words(words) = read(&mut rig, 0xFE09, 3) else { panic!("{id}: words") };
-        let alone: Vec<NativeOutcome> = [0xFE09, 0xFE10, 0xFE11].map(|number| read(&mut rig, number, 1)).to_vec();
-        let words: Vec<NativeOutcome> = words.iter().map(|word| NativeOutcome::Words(Arc::from([*word]))).collect();
+        let NativeOutcome::Words(words) = read(&mut rig, 0xFE09, 3) else {
+            panic!("{id}: words")
+        };
+        let alone: Vec<NativeOutcome> = [0xFE09, 0xFE10, 0xFE11]
+            .map(|number| read(&mut rig, number, 1))
+            .to_vec();
+        let words: Vec<NativeOutcome> = words
+            .iter()
+            .map(|word| NativeOutcome::Words(Arc::from([*word])))
+            .collect();
         assert_eq!(words, alone, "{id}");
-        assert_eq!(alone[1], NativeOutcome::Words(Arc::from([3])), "{id}: FE10 is the newest trip");
+        assert_eq!(
+            alone[1],
+            NativeOutcome::Words(Arc::from([3])),
+            "{id}: FE10 is the newest trip"
+        );
     }
 }
 
 #[test]
 fn a_number_that_does_not_exist_spoils_the_whole_range() {
     for id in ["toshiba-vf-as1", "toshiba-vf-s15"] {
-        for (address, count) in [(0xFE14, 3), (0xFE15, 1), (0xFD05, 4), (0xFE0A, 1), (0xFE79, 2), (0xFDFF, 2)] {
+        for (address, count) in [
+            (0xFE14, 3),
+            (0xFE15, 1),
+            (0xFD05, 4),
+            (0xFE0A, 1),
+            (0xFE79, 2),
+            (0xFDFF, 2),
+        ] {
             let mut rig = quiet(id, accepting());
             assert_eq!(
                 read(&mut rig, address, count),
-                NativeOutcome::DriveException { code: 2, reason: Reason::DriveException },
+                NativeOutcome::DriveException {
+                    code: 2,
+                    reason: Reason::DriveException
+                },
                 "{id}: {address:04X}"
             );
             rig.pass(Duration::from_secs(1));
@@ -227,10 +353,18 @@ fn a_loop_test_reaches_only_drives_that_serve_it() {
         let mut rig = quiet(&model.id, accepting());
         let ticket = rig.ask(1, 0, NativeAsk::Loop { data: 0xA537 });
         let serves = ["TECO", "Frecon"].contains(&model.vendor.as_str());
-        let expected = if serves { NativeOutcome::Written } else { refused(Reason::NotCapable) };
+        let expected = if serves {
+            NativeOutcome::Written
+        } else {
+            refused(Reason::NotCapable)
+        };
         assert_eq!(rig.answer_to(ticket), expected, "{}", model.id);
         let pdus: Vec<_> = rig.sent.iter().map(|sent| sent.pdu.clone()).collect();
-        let expected = if serves { vec![vec![8, 0, 0, 0xA5, 0x37]] } else { Vec::new() };
+        let expected = if serves {
+            vec![vec![8, 0, 0, 0xA5, 0x37]]
+        } else {
+            Vec::new()
+        };
         assert_eq!(pdus, expected, "{}", model.id);
     }
 }

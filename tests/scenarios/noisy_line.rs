@@ -7,10 +7,21 @@ use vfd_gateway::sim::{BusOptions, FaultPlan};
 
 #[test]
 fn every_fault_at_once_mixes_nothing_up() {
-    let faults: FaultPlan = "noise=80,lost=10,late=10,cut=10,flip=50,foreign=30".parse().expect("a plan");
+    let faults: FaultPlan = "noise=80,lost=10,late=10,cut=10,flip=50,foreign=30"
+        .parse()
+        .expect("a plan");
     for seed in 0..4 {
-        let bus = BusOptions { faults, ..BusOptions::default() };
-        let options = RigOptions { drives: 4, bus, seed, poll: Duration::from_millis(500), ..RigOptions::default() };
+        let bus = BusOptions {
+            faults,
+            ..BusOptions::default()
+        };
+        let options = RigOptions {
+            drives: 4,
+            bus,
+            seed,
+            poll: Duration::from_millis(500),
+            ..RigOptions::default()
+        };
         let mut rig = Rig::new(&options);
         rig.keeps_sent = false;
         let mut asked = 0_u64;
@@ -25,7 +36,10 @@ fn every_fault_at_once_mixes_nothing_up() {
             ended += 1;
             if let NativeOutcome::Words(words) = &answer.outcome {
                 let expected = rig.proof(answer.ticket);
-                assert!(words.iter().all(|word| *word == expected), "{words:04X?} for {expected:04X}");
+                assert!(
+                    words.iter().all(|word| *word == expected),
+                    "{words:04X?} for {expected:04X}"
+                );
                 right += 1;
             }
             let n = answer.ticket.0;
@@ -33,17 +47,32 @@ fn every_fault_at_once_mixes_nothing_up() {
             asked += 1;
         });
         assert!(asked - ended <= 6);
-        assert!(right * 10 > ended * 8, "most still get their words: {right} of {ended}");
+        assert!(
+            right * 10 > ended * 8,
+            "most still get their words: {right} of {ended}"
+        );
         // A late reply that starts at the very moment in which we start cannot be foreseen.
         let report = rig.bus.report();
-        assert!(report.gaps_too_short <= report.replies_late / 10, "{}", report.gaps_too_short);
-        assert!(report.talked_over <= report.replies_late / 10, "{}", report.talked_over);
+        assert!(
+            report.gaps_too_short <= report.replies_late / 10,
+            "{}",
+            report.gaps_too_short
+        );
+        assert!(
+            report.talked_over <= report.replies_late / 10,
+            "{}",
+            report.talked_over
+        );
     }
 }
 
 #[test]
 fn no_gap_is_ever_too_short_on_a_clean_line() {
-    let mut rig = Rig::new(&RigOptions { drives: 8, poll: Duration::from_millis(20), ..RigOptions::default() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 8,
+        poll: Duration::from_millis(20),
+        ..RigOptions::default()
+    });
     rig.keeps_sent = false;
     rig.run_until(rig.now + Duration::from_secs(300), |_, _| {});
     let report = rig.bus.report();

@@ -51,20 +51,32 @@ const CODES: &[(&str, &[u8])] = &[
 
 /// Up to 65 Hz, more than the simulated drives take.
 fn wide() -> ControlSettings {
-    ControlSettings { most: Hertz::from_centihertz(6500), ..accepting() }
+    ControlSettings {
+        most: Hertz::from_centihertz(6500),
+        ..accepting()
+    }
 }
 
 fn report_of(no: No, held: u16) -> Report {
     match no {
-        KeepsOldValue => Report { held: Some(held), ..Report::new(Outcome::Failed, Reason::KeptOldValue) },
-        Exception(code) => Report { exception: Some(code), ..Report::new(Outcome::Failed, Reason::DriveException) },
+        KeepsOldValue => Report {
+            held: Some(held),
+            ..Report::new(Outcome::Failed, Reason::KeptOldValue)
+        },
+        Exception(code) => Report {
+            exception: Some(code),
+            ..Report::new(Outcome::Failed, Reason::DriveException)
+        },
     }
 }
 
 fn native_of(no: No, held: u16) -> NativeOutcome {
     match no {
         KeepsOldValue => NativeOutcome::KeptOldValue(held),
-        Exception(code) => NativeOutcome::DriveException { code, reason: Reason::DriveException },
+        Exception(code) => NativeOutcome::DriveException {
+            code,
+            reason: Reason::DriveException,
+        },
     }
 }
 
@@ -72,18 +84,34 @@ fn native_of(no: No, held: u16) -> NativeOutcome {
 fn told(rig: &mut Rig, order: vfd_gateway::domain::command::Order) -> Report {
     let ticket = rig.command(MQTT, 0, order);
     rig.outcome_of(ticket);
-    rig.reports.iter().rfind(|(_, answer)| answer.ticket == ticket).expect("it was told").1.report
+    rig.reports
+        .iter()
+        .rfind(|(_, answer)| answer.ticket == ticket)
+        .expect("it was told")
+        .1
+        .report
 }
 
 #[test]
 fn a_setpoint_beyond_the_drive_is_reported_as_refused_and_the_old_one_stays() {
     for (id, _, no) in TOO_FAST {
         let mut rig = rig_of(&model(id), wide());
-        assert_eq!(told(&mut rig, setpoint(2000)).outcome, Outcome::Confirmed, "{id}");
+        assert_eq!(
+            told(&mut rig, setpoint(2000)).outcome,
+            Outcome::Confirmed,
+            "{id}"
+        );
         assert_eq!(told(&mut rig, setpoint(6100)), report_of(*no, 2000), "{id}");
-        assert_eq!(told(&mut rig, setpoint(2500)).outcome, Outcome::Confirmed, "{id}: the next one is taken");
+        assert_eq!(
+            told(&mut rig, setpoint(2500)).outcome,
+            Outcome::Confirmed,
+            "{id}: the next one is taken"
+        );
         let told = told(&mut rig, run(Direction::Forward, None));
-        assert!(matches!(told.outcome, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {told:?}");
+        assert!(
+            matches!(told.outcome, Outcome::Confirmed | Outcome::Acknowledged),
+            "{id}: {told:?}"
+        );
         rig.live(SECOND * 8);
         assert_eq!(rig.output(1), 2500, "{id}");
     }
@@ -93,9 +121,17 @@ fn a_setpoint_beyond_the_drive_is_reported_as_refused_and_the_old_one_stays() {
 fn a_run_with_a_setpoint_beyond_the_drive_starts_nothing() {
     for (id, _, no) in TOO_FAST {
         let mut rig = rig_of(&model(id), wide());
-        assert_eq!(told(&mut rig, setpoint(2000)).outcome, Outcome::Confirmed, "{id}");
+        assert_eq!(
+            told(&mut rig, setpoint(2000)).outcome,
+            Outcome::Confirmed,
+            "{id}"
+        );
         rig.sent.clear();
-        assert_eq!(told(&mut rig, run(Direction::Forward, Some(6100))), report_of(*no, 2000), "{id}");
+        assert_eq!(
+            told(&mut rig, run(Direction::Forward, Some(6100))),
+            report_of(*no, 2000),
+            "{id}"
+        );
         assert_eq!(rig.writes().len(), 1, "{id}: {:02X?}", rig.writes());
         assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "{id}");
         rig.live(SECOND * 3);
@@ -107,10 +143,22 @@ fn a_run_with_a_setpoint_beyond_the_drive_starts_nothing() {
 fn a_native_writer_gets_the_same_answer() {
     for (id, address, no) in TOO_FAST {
         let mut rig = stopped(id, wide());
-        assert_eq!(write(&mut rig, *address, &[2000]), NativeOutcome::Written, "{id}");
+        assert_eq!(
+            write(&mut rig, *address, &[2000]),
+            NativeOutcome::Written,
+            "{id}"
+        );
         rig.pass(SECOND);
-        assert_eq!(write(&mut rig, *address, &[6100]), native_of(*no, 2000), "{id}");
-        assert_eq!(rig.writes(), [single(*address, 2000), single(*address, 6100)], "{id}");
+        assert_eq!(
+            write(&mut rig, *address, &[6100]),
+            native_of(*no, 2000),
+            "{id}"
+        );
+        assert_eq!(
+            rig.writes(),
+            [single(*address, 2000), single(*address, 6100)],
+            "{id}"
+        );
     }
 }
 
@@ -118,10 +166,21 @@ fn a_native_writer_gets_the_same_answer() {
 fn a_drive_that_its_panel_commands_refuses_to_run_and_no_intent_is_left() {
     for (id, source, panel, no) in AT_THE_PANEL {
         let mut rig = rig_of(&model(id), accepting());
-        assert_eq!(told(&mut rig, setpoint(2000)).outcome, Outcome::Confirmed, "{id}");
+        assert_eq!(
+            told(&mut rig, setpoint(2000)).outcome,
+            Outcome::Confirmed,
+            "{id}"
+        );
         let now = rig.now;
-        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*source).into(), *panel);
-        assert_eq!(told(&mut rig, run(Direction::Forward, None)), report_of(*no, 0), "{id}");
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .set_locally(now, (*source).into(), *panel);
+        assert_eq!(
+            told(&mut rig, run(Direction::Forward, None)),
+            report_of(*no, 0),
+            "{id}"
+        );
         assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "{id}");
         rig.live(SECOND * 3);
         assert_eq!(rig.output(1), 0, "{id}");
@@ -131,7 +190,11 @@ fn a_drive_that_its_panel_commands_refuses_to_run_and_no_intent_is_left() {
 #[test]
 fn every_code_of_a_vendor_is_passed_on_as_it_is() {
     for (id, codes) in CODES {
-        let known: Vec<u8> = model(id).exceptions.iter().filter_map(|it| u8::try_from(it.code).ok()).collect();
+        let known: Vec<u8> = model(id)
+            .exceptions
+            .iter()
+            .filter_map(|it| u8::try_from(it.code).ok())
+            .collect();
         for code in *codes {
             assert!(known.contains(code), "{id}: {code:02X}");
             let mut rig = quiet(id, accepting());
@@ -148,8 +211,16 @@ fn every_code_of_a_vendor_is_passed_on_as_it_is() {
             let mut frame = Vec::new();
             rtu::encode(&mut frame, 1, |pdu| pdu.extend([function | 0x80, *code]));
             rig.core.handle(now, Input::Bytes(&frame));
-            assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::DriveException), "{id}");
-            assert_eq!(rig.reports.last().unwrap().1.report.exception, Some(*code), "{id}");
+            assert_eq!(
+                rig.outcome_of(ticket),
+                (Outcome::Failed, Reason::DriveException),
+                "{id}"
+            );
+            assert_eq!(
+                rig.reports.last().unwrap().1.report.exception,
+                Some(*code),
+                "{id}"
+            );
         }
     }
 }

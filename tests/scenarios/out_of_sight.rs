@@ -21,8 +21,16 @@ const RUN: u16 = 0x0002;
 const LOST_AFTER: Duration = Duration::from_secs(10);
 
 fn running_by(origin: Origin, action: FailSafe) -> Rig {
-    let settings = ControlSettings { on_commander_lost: action, lost_after: LOST_AFTER, ..control() };
-    let mut rig = Rig::new(&RigOptions { keeps: true, control: Some(settings), ..RigOptions::controlled() });
+    let settings = ControlSettings {
+        on_commander_lost: action,
+        lost_after: LOST_AFTER,
+        ..control()
+    };
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        control: Some(settings),
+        ..RigOptions::controlled()
+    });
     if origin != MQTT {
         rig.commanded(origin, STOP);
     }
@@ -36,15 +44,26 @@ fn running_by(origin: Origin, action: FailSafe) -> Rig {
 }
 
 fn stage(rig: &Rig) -> Option<(Cause, FailSafeStage)> {
-    rig.view(0).control.unwrap().failsafe.map(|run| (run.cause, run.stage))
+    rig.view(0)
+        .control
+        .unwrap()
+        .failsafe
+        .map(|run| (run.cause, run.stage))
 }
 
 fn seen(rig: &Rig) -> (bool, Option<(RunState, Option<Hertz>)>) {
-    let SightView { last_seen, may_still_run } = rig.view(0).sight;
-    (may_still_run, last_seen.map(|seen| (seen.run_state, seen.output)))
+    let SightView {
+        last_seen,
+        may_still_run,
+    } = rig.view(0).sight;
+    (
+        may_still_run,
+        last_seen.map(|seen| (seen.run_state, seen.output)),
+    )
 }
 
-const THIRTY: Option<(RunState, Option<Hertz>)> = Some((RunState::Forward, Some(Hertz::from_millihertz(30_000))));
+const THIRTY: Option<(RunState, Option<Hertz>)> =
+    Some((RunState::Forward, Some(Hertz::from_millihertz(30_000))));
 
 /// The client goes on renewing, which is refused, for `time`.
 fn renew_in_vain(rig: &mut Rig, origin: Origin, time: Duration) {
@@ -62,19 +81,43 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     assert_eq!(rig.view(0).sight, SightView::default());
     rig.close(LineFault::Gone);
     assert_eq!(seen(&rig), (true, THIRTY));
-    assert!(rig.notes.iter().any(|(_, note)| matches!(note, Note::MayStillRun(Some(_)))), "{:?}", rig.notes);
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| matches!(note, Note::MayStillRun(Some(_)))),
+        "{:?}",
+        rig.notes
+    );
     assert_eq!(stage(&rig), None);
     let sent = rig.sent.len();
     renew_in_vain(&mut rig, plc(1), LOST_AFTER + Duration::from_secs(5));
     // What is declared is due, because the drive could not be reached and not because its client was lost; nothing left.
     assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Due)));
     assert_eq!(rig.sent.len(), sent);
-    let note = Note::OutOfReach { owner: plc(1).owner, action: FailSafe::Stop };
-    assert!(rig.notes.iter().any(|(_, it)| *it == note), "{:?}", rig.notes);
-    assert!(!rig.notes.iter().any(|(_, it)| matches!(it, Note::CommanderLost { .. } | Note::NotEffective)));
-    assert!(rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent), "{:?}", rig.notes);
+    let note = Note::OutOfReach {
+        owner: plc(1).owner,
+        action: FailSafe::Stop,
+    };
+    assert!(
+        rig.notes.iter().any(|(_, it)| *it == note),
+        "{:?}",
+        rig.notes
+    );
+    assert!(
+        !rig.notes
+            .iter()
+            .any(|(_, it)| matches!(it, Note::CommanderLost { .. } | Note::NotEffective))
+    );
+    assert!(
+        rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent),
+        "{:?}",
+        rig.notes
+    );
     let control = rig.view(0).control.unwrap();
-    assert!(control.stop_pending && !control.not_effective, "a stop that was not sent is not without effect");
+    assert!(
+        control.stop_pending && !control.not_effective,
+        "a stop that was not sent is not without effect"
+    );
     assert_eq!(seen(&rig), (true, THIRTY), "it is not forgotten");
     rig.open();
     let end = rig.now + Duration::from_secs(2);
@@ -83,11 +126,28 @@ fn a_pulled_cable_leaves_what_was_last_seen_and_a_commander_that_is_there() {
     }
     assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Sent)));
     rig.pass(Duration::from_secs(40));
-    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Effective)));
-    assert_eq!((rig.output(1), rig.view(0).sight), (0, SightView::default()));
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::OutOfReach, FailSafeStage::Effective))
+    );
+    assert_eq!(
+        (rig.output(1), rig.view(0).sight),
+        (0, SightView::default())
+    );
     let stages: Vec<_> = rig.entries().into_iter().filter_map(stage_in).collect();
-    assert_eq!(stages, [FailSafeStage::Due, FailSafeStage::Sent, FailSafeStage::Effective], "as the journal has it");
-    let sights = rig.entries().into_iter().filter(|it| matches!(it, Entry::OutOfSight { .. } | Entry::InSight { .. }));
+    assert_eq!(
+        stages,
+        [
+            FailSafeStage::Due,
+            FailSafeStage::Sent,
+            FailSafeStage::Effective
+        ],
+        "as the journal has it"
+    );
+    let sights = rig
+        .entries()
+        .into_iter()
+        .filter(|it| matches!(it, Entry::OutOfSight { .. } | Entry::InSight { .. }));
     assert_eq!(sights.count(), 2);
 }
 
@@ -97,12 +157,26 @@ fn a_stop_that_was_decided_on_and_not_written_was_not_sent() {
     let mut rig = running_by(MQTT, FailSafe::Stop);
     rig.port_is_stuck = true;
     rig.pass(LOST_AFTER + Duration::from_secs(5));
-    assert_eq!(stage(&rig), Some((Cause::CommanderLost, FailSafeStage::Due)));
-    assert!(rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent), "{:?}", rig.notes);
-    assert!(!rig.notes.iter().any(|(_, it)| *it == Note::NotEffective), "{:?}", rig.notes);
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::CommanderLost, FailSafeStage::Due))
+    );
+    assert!(
+        rig.notes.iter().any(|(_, it)| *it == Note::StopNotSent),
+        "{:?}",
+        rig.notes
+    );
+    assert!(
+        !rig.notes.iter().any(|(_, it)| *it == Note::NotEffective),
+        "{:?}",
+        rig.notes
+    );
     rig.port_is_stuck = false;
     rig.pass(Duration::from_secs(20));
-    assert_eq!(stage(&rig), Some((Cause::CommanderLost, FailSafeStage::Effective)));
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::CommanderLost, FailSafeStage::Effective))
+    );
     assert_eq!(rig.output(1), 0);
 }
 
@@ -119,7 +193,10 @@ fn a_client_that_falls_silent_while_the_line_is_down_is_a_lost_commander() {
     let mut rig = running_by(plc(1), FailSafe::Stop);
     rig.close(LineFault::Gone);
     rig.pass(LOST_AFTER + Duration::from_secs(1));
-    assert_eq!(stage(&rig), Some((Cause::CommanderLost, FailSafeStage::Due)));
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::CommanderLost, FailSafeStage::Due))
+    );
 }
 
 #[test]
@@ -133,7 +210,10 @@ fn a_drive_that_falls_silent_while_it_runs_may_still_run() {
     rig.bus.set_faults("lost=0".parse().unwrap());
     rig.pass(Duration::from_secs(60));
     assert_eq!((seen(&rig), rig.output(1)), ((false, None), 0));
-    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Effective)));
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::OutOfReach, FailSafeStage::Effective))
+    );
 }
 
 #[test]
@@ -147,7 +227,10 @@ fn a_drive_that_was_seen_at_standstill_does_not_run() {
     rig.open();
     rig.pass(Duration::from_secs(30));
     rig.close(LineFault::Gone);
-    assert_eq!(seen(&rig), (false, Some((RunState::Stopped, Some(Hertz::ZERO)))));
+    assert_eq!(
+        seen(&rig),
+        (false, Some((RunState::Stopped, Some(Hertz::ZERO))))
+    );
 }
 
 #[test]
@@ -172,29 +255,73 @@ fn a_person_confirms_that_it_stands_and_that_sends_nothing_and_cancels_nothing()
     rig.close(LineFault::Gone);
     let sent = rig.sent.len();
     rig.command(plc(2), 0, STOP);
-    rig.core.handle(rig.now, Input::ConfirmStandstill(DriveIndex(0), Owner::Local));
+    rig.core.handle(
+        rig.now,
+        Input::ConfirmStandstill(DriveIndex(0), Owner::Local),
+    );
     rig.settle();
     assert_eq!(seen(&rig), (false, THIRTY));
-    let confirmed = Entry::InSight { confirmed_by: Some(Owner::Local) };
-    assert_eq!(rig.entries().into_iter().filter(|it| **it == confirmed).count(), 1);
-    rig.core.handle(rig.now, Input::ConfirmStandstill(DriveIndex(0), Owner::Local));
-    assert_eq!(rig.entries().into_iter().filter(|it| **it == confirmed).count(), 1, "there is nothing left to confirm");
+    let confirmed = Entry::InSight {
+        confirmed_by: Some(Owner::Local),
+    };
+    assert_eq!(
+        rig.entries()
+            .into_iter()
+            .filter(|it| **it == confirmed)
+            .count(),
+        1
+    );
+    rig.core.handle(
+        rig.now,
+        Input::ConfirmStandstill(DriveIndex(0), Owner::Local),
+    );
+    assert_eq!(
+        rig.entries()
+            .into_iter()
+            .filter(|it| **it == confirmed)
+            .count(),
+        1,
+        "there is nothing left to confirm"
+    );
     assert!(rig.sent.len() == sent && rig.view(0).control.unwrap().stop_pending);
     rig.open();
     rig.pass(Duration::from_secs(40));
-    assert_eq!((rig.written(RUN).last(), rig.output(1)), (Some(&0), 0), "the stop was sent all the same");
+    assert_eq!(
+        (rig.written(RUN).last(), rig.output(1)),
+        (Some(&0), 0),
+        "the stop was sent all the same"
+    );
 }
 
 #[test]
 fn a_restart_does_not_forget_what_was_not_seen_to_stand() {
-    let at = SeenAt::Before(WallTime { unix_ms: 1_700_000_000_000 });
-    let last_seen = Some(LastSeen { run_state: RunState::Forward, output: Some(Hertz::from_millihertz(30_000)), at });
-    let told = Remembered { may_still_run: true, last_seen, ..Remembered::default() };
+    let at = SeenAt::Before(WallTime {
+        unix_ms: 1_700_000_000_000,
+    });
+    let last_seen = Some(LastSeen {
+        run_state: RunState::Forward,
+        output: Some(Hertz::from_millihertz(30_000)),
+        at,
+    });
+    let told = Remembered {
+        may_still_run: true,
+        last_seen,
+        ..Remembered::default()
+    };
     // A process that is killed while the drive runs has told nothing; it held a lease.
-    let lease = Some(RememberedLease { owner: Owner::Mqtt, was_orphaned: false });
-    let leased = Remembered { lease, ..Remembered::default() };
-    for (remembered, shown) in [(told, (true, THIRTY)), (leased, (true, None)), (Remembered::default(), (false, None))]
-    {
+    let lease = Some(RememberedLease {
+        owner: Owner::Mqtt,
+        was_orphaned: false,
+    });
+    let leased = Remembered {
+        lease,
+        ..Remembered::default()
+    };
+    for (remembered, shown) in [
+        (told, (true, THIRTY)),
+        (leased, (true, None)),
+        (Remembered::default(), (false, None)),
+    ] {
         let mut rig = running_by(MQTT, FailSafe::Stop);
         rig.restart(remembered);
         rig.close(LineFault::Gone);
@@ -212,8 +339,15 @@ fn an_open_session_renews_nothing_while_the_drive_is_out_of_reach() {
     rig.live(LOST_AFTER * 2);
     assert_eq!(rig.view(0).run_state, RunState::Offline);
     // It may hear what it does not answer.
-    assert_eq!(stage(&rig), Some((Cause::OutOfReach, FailSafeStage::Sent)), "as for a client whose orders are refused");
+    assert_eq!(
+        stage(&rig),
+        Some((Cause::OutOfReach, FailSafeStage::Sent)),
+        "as for a client whose orders are refused"
+    );
     rig.bus.set_faults(FaultPlan::NONE);
     rig.live(Duration::from_secs(40));
-    assert_eq!((rig.output(1), stage(&rig)), (0, Some((Cause::OutOfReach, FailSafeStage::Effective))));
+    assert_eq!(
+        (rig.output(1), stage(&rig)),
+        (0, Some((Cause::OutOfReach, FailSafeStage::Effective)))
+    );
 }

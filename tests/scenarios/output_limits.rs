@@ -16,15 +16,35 @@ const SECOND: Duration = Duration::from_secs(1);
 
 /// A drive whose highest frequency is 150 Hz, and for which somebody has typed 50 Hz.
 fn mistyped(control: ControlSettings) -> Rig {
-    let of = |hertz: u32| Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)));
-    let mut rig = Rig::new(&RigOptions { really: Some(of(150)), keeps: true, ..options_of(&of(50), control) });
+    let of = |hertz: u32| {
+        Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)))
+    };
+    let mut rig = Rig::new(&RigOptions {
+        really: Some(of(150)),
+        keeps: true,
+        ..options_of(&of(50), control)
+    });
     let told = rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
-    assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{told:?}");
+    assert!(
+        matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged),
+        "{told:?}"
+    );
     rig
 }
 
 fn alarms(rig: &Rig) -> usize {
-    rig.notes.iter().filter(|(_, note)| matches!(note, Note::OutputOutside { is_scale_typed: true, .. })).count()
+    rig.notes
+        .iter()
+        .filter(|(_, note)| {
+            matches!(
+                note,
+                Note::OutputOutside {
+                    is_scale_typed: true,
+                    ..
+                }
+            )
+        })
+        .count()
 }
 
 #[test]
@@ -33,13 +53,26 @@ fn a_motor_above_its_limits_is_an_alarm_and_nothing_makes_it_faster() {
     rig.live(SECOND * 20);
     assert_eq!((rig.output(1), alarms(&rig)), (6000, 1), "{:?}", rig.notes);
     assert!(rig.view(0).control.unwrap().output_outside);
-    for order in [run(Direction::Forward, None), run(Direction::Forward, Some(2000)), setpoint(3000)] {
-        assert_eq!(rig.commanded(MQTT, order), (Outcome::Refused, Reason::OutputOutside));
+    for order in [
+        run(Direction::Forward, None),
+        run(Direction::Forward, Some(2000)),
+        setpoint(3000),
+    ] {
+        assert_eq!(
+            rig.commanded(MQTT, order),
+            (Outcome::Refused, Reason::OutputOutside)
+        );
     }
     let lower = rig.commanded(MQTT, setpoint(1000));
-    assert!(matches!(lower.0, Outcome::Confirmed | Outcome::Acknowledged), "{lower:?}");
+    assert!(
+        matches!(lower.0, Outcome::Confirmed | Outcome::Acknowledged),
+        "{lower:?}"
+    );
     rig.live(SECOND * 20);
-    assert!(rig.view(0).control.unwrap().output_outside, "30 Hz where 10 Hz was ordered");
+    assert!(
+        rig.view(0).control.unwrap().output_outside,
+        "30 Hz where 10 Hz was ordered"
+    );
     assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
     rig.live(SECOND * 20);
     assert_eq!((rig.output(1), alarms(&rig)), (0, 1));
@@ -48,25 +81,45 @@ fn a_motor_above_its_limits_is_an_alarm_and_nothing_makes_it_faster() {
 
 #[test]
 fn it_is_stopped_where_that_is_configured() {
-    let mut rig = mistyped(ControlSettings { on_output_outside: OnOutputOutside::Stop, ..accepting() });
+    let mut rig = mistyped(ControlSettings {
+        on_output_outside: OnOutputOutside::Stop,
+        ..accepting()
+    });
     rig.live(SECOND * 40);
     assert_eq!((rig.output(1), alarms(&rig)), (0, 1));
     let control = rig.view(0).control.unwrap();
     assert!(control.start_inhibited);
-    let is_it = |entry: &&&Entry| matches!(entry, Entry::FailSafe { cause: Cause::OutputOutside, .. });
+    let is_it = |entry: &&&Entry| {
+        matches!(
+            entry,
+            Entry::FailSafe {
+                cause: Cause::OutputOutside,
+                ..
+            }
+        )
+    };
     assert_eq!(rig.entries().iter().filter(is_it).count(), 1);
 }
 
 #[test]
 fn a_ramp_and_a_motor_at_its_setpoint_are_none() {
-    for id in ["hyundai-n700", "frecon-fr500a", "teco-e510", "toshiba-vf-s15"] {
+    for id in [
+        "hyundai-n700",
+        "frecon-fr500a",
+        "teco-e510",
+        "toshiba-vf-s15",
+    ] {
         let mut rig = rig_of(&model(id), accepting());
         for centihertz in [5000, 500, 3000] {
             rig.commanded(MQTT, run(Direction::Forward, Some(centihertz)));
             rig.live(SECOND * 20);
         }
         let is_alarm = |note: &Note| matches!(note, Note::OutputOutside { .. });
-        assert!(!rig.notes.iter().any(|(_, note)| is_alarm(note)), "{id}: {:?}", rig.notes);
+        assert!(
+            !rig.notes.iter().any(|(_, note)| is_alarm(note)),
+            "{id}: {:?}",
+            rig.notes
+        );
     }
 }
 
@@ -77,14 +130,23 @@ fn a_motor_that_others_hold_away_from_the_setpoint_is_told_until_it_is_right() {
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 10);
         let now = rig.now;
-        rig.bus.drive_mut(Station(1)).unwrap().set_frequency(now, 10);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .set_frequency(now, 10);
         rig.live(SECOND * 20);
         assert!(rig.view(0).control.unwrap().output_outside, "{id}");
         let now = rig.now;
-        rig.bus.drive_mut(Station(1)).unwrap().set_frequency(now, 30);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .set_frequency(now, 30);
         rig.live(SECOND * 20);
         assert!(!rig.view(0).control.unwrap().output_outside, "{id}");
-        assert!(rig.notes.iter().any(|(_, note)| *note == Note::OutputRight), "{id}");
+        assert!(
+            rig.notes.iter().any(|(_, note)| *note == Note::OutputRight),
+            "{id}"
+        );
     }
 }
 
@@ -109,5 +171,10 @@ fn a_motor_that_stands_although_it_is_ordered_to_run_is_told() {
     rig.live(SECOND * 30);
     assert_eq!(rig.output(1), 0);
     let is_alarm = |note: &Note| matches!(note, Note::OutputOutside { .. });
-    assert_eq!(rig.notes.iter().filter(|(_, note)| is_alarm(note)).count(), 1, "{:?}", rig.notes);
+    assert_eq!(
+        rig.notes.iter().filter(|(_, note)| is_alarm(note)).count(),
+        1,
+        "{:?}",
+        rig.notes
+    );
 }

@@ -20,7 +20,10 @@ const TORQUE: (u16, u16) = (0xF102, 0x0102);
 
 fn rig_of(text: &str) -> Rig {
     let model = Arc::new(check::model(text).unwrap());
-    let mut rig = Rig::new(&options_of(&model, listing(vec![ACCELERATION.0, ACCELERATION.1])));
+    let mut rig = Rig::new(&options_of(
+        &model,
+        listing(vec![ACCELERATION.0, ACCELERATION.1]),
+    ));
     assert_eq!(rig.commanded(ORIGIN, STOP), CONFIRMED);
     rig.live(SECOND * 4);
     rig.sent.clear();
@@ -34,17 +37,25 @@ fn readable() -> String {
 /// Address and word of all writes so far, in order.
 fn writes(rig: &Rig) -> Vec<(u16, u16)> {
     let word = |bytes: &[u8]| u16::from_be_bytes([bytes[0], bytes[1]]);
-    rig.writes().iter().map(|pdu| (word(&pdu[1..]), word(&pdu[3..]))).collect()
+    rig.writes()
+        .iter()
+        .map(|pdu| (word(&pdu[1..]), word(&pdu[3..])))
+        .collect()
 }
 
 /// The addresses of all reads so far.
 fn reads(rig: &Rig) -> Vec<u16> {
     let read = rig.sent.iter().filter(|sent| sent.pdu[0] == 3);
-    read.map(|sent| u16::from_be_bytes([sent.pdu[1], sent.pdu[2]])).collect()
+    read.map(|sent| u16::from_be_bytes([sent.pdu[1], sent.pdu[2]]))
+        .collect()
 }
 
 fn stored_writes(rig: &mut Rig) -> u64 {
-    rig.bus.drive_mut(Station(1)).unwrap().report().stored_writes
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .report()
+        .stored_writes
 }
 
 fn power_cycle(rig: &mut Rig) {
@@ -66,17 +77,32 @@ fn held(rig: &mut Rig, address: u16) -> u16 {
 #[test]
 fn setpoints_wear_no_memory() {
     let mut rig = rig_of(MODEL);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED, "it is read back in the register");
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED,
+        "it is read back in the register"
+    );
     for centihertz in [1000, 2000, 2500] {
         assert_eq!(rig.commanded(MQTT, setpoint(centihertz)), CONFIRMED);
     }
     rig.live(SECOND * 10);
     assert_eq!(rig.output(1), 2500);
     let sent = writes(&rig);
-    assert!(sent.iter().all(|(address, _)| *address != SETPOINT.0), "{sent:?}");
-    assert_eq!(sent.iter().filter(|(address, _)| *address == SETPOINT.1).count(), 4);
+    assert!(
+        sent.iter().all(|(address, _)| *address != SETPOINT.0),
+        "{sent:?}"
+    );
+    assert_eq!(
+        sent.iter()
+            .filter(|(address, _)| *address == SETPOINT.1)
+            .count(),
+        4
+    );
     assert_eq!(stored_writes(&mut rig), 0);
-    assert!(!reads(&rig).contains(&SETPOINT.1), "the form cannot be read");
+    assert!(
+        !reads(&rig).contains(&SETPOINT.1),
+        "the form cannot be read"
+    );
 }
 
 #[test]
@@ -85,25 +111,48 @@ fn a_setpoint_of_a_native_client_goes_to_ram_whichever_form_it_writes() {
         let mut rig = rig_of(MODEL);
         assert_eq!(write(&mut rig, form, &[2000]), NativeOutcome::Written);
         assert_eq!(writes(&rig), [(SETPOINT.1, 2000)]);
-        assert_eq!(write(&mut rig, form, &[9999]), refused(Reason::OutsideLimits), "it is an order");
+        assert_eq!(
+            write(&mut rig, form, &[9999]),
+            refused(Reason::OutsideLimits),
+            "it is an order"
+        );
     }
 }
 
 #[test]
 fn parameters_are_stored_by_people_and_written_in_ram_by_who_asks_for_it() {
     let mut rig = rig_of(MODEL);
-    assert_eq!(rig.commanded(LOCAL, register(ACCELERATION.0, 77)), CONFIRMED);
-    assert_eq!((writes(&rig), stored_writes(&mut rig)), (vec![(ACCELERATION.0, 77)], 1));
+    assert_eq!(
+        rig.commanded(LOCAL, register(ACCELERATION.0, 77)),
+        CONFIRMED
+    );
+    assert_eq!(
+        (writes(&rig), stored_writes(&mut rig)),
+        (vec![(ACCELERATION.0, 77)], 1)
+    );
     rig.sent.clear();
     // As often as wished: nothing wears out.
     for word in [78, 79] {
-        assert_eq!(rig.commanded(MQTT, register(ACCELERATION.1, word)), CONFIRMED);
+        assert_eq!(
+            rig.commanded(MQTT, register(ACCELERATION.1, word)),
+            CONFIRMED
+        );
     }
     assert_eq!(writes(&rig), [(ACCELERATION.1, 78), (ACCELERATION.1, 79)]);
-    assert_eq!((held(&mut rig, ACCELERATION.0), stored_writes(&mut rig)), (79, 1));
-    assert_eq!(rig.commanded(MQTT, register(ACCELERATION.0, 80)), (Outcome::Refused, Reason::WrittenTooOften));
+    assert_eq!(
+        (held(&mut rig, ACCELERATION.0), stored_writes(&mut rig)),
+        (79, 1)
+    );
+    assert_eq!(
+        rig.commanded(MQTT, register(ACCELERATION.0, 80)),
+        (Outcome::Refused, Reason::WrittenTooOften)
+    );
     power_cycle(&mut rig);
-    assert_eq!(held(&mut rig, ACCELERATION.0), 77, "what was written in RAM is lost");
+    assert_eq!(
+        held(&mut rig, ACCELERATION.0),
+        77,
+        "what was written in RAM is lost"
+    );
 }
 
 #[test]
@@ -114,7 +163,10 @@ fn a_form_that_can_be_read_is_read_back_there() {
     assert_eq!(held(&mut rig, ACCELERATION.1), 78);
     let mut rig = rig_of(MODEL);
     let read = rig.read(1, 0, ACCELERATION.1, 1);
-    let refused = NativeOutcome::DriveException { code: 2, reason: Reason::DriveException };
+    let refused = NativeOutcome::DriveException {
+        code: 2,
+        reason: Reason::DriveException,
+    };
     assert_eq!(rig.answer_to(read), refused);
 }
 
@@ -122,16 +174,35 @@ fn a_form_that_can_be_read_is_read_back_there() {
 fn no_form_is_a_way_around_control() {
     let mut rig = rig_of(MODEL);
     for (address, _) in [(SOURCE.1, 0), (TORQUE.1, 1), (TORQUE.0, 1), (SOURCE.0, 0)] {
-        assert_eq!(write(&mut rig, address, &[0]), refused(Reason::NotAllowed), "{address:04X}");
-        assert!(matches!(rig.commanded(MQTT, register(address, 0)), (Outcome::Refused, _)), "{address:04X}");
+        assert_eq!(
+            write(&mut rig, address, &[0]),
+            refused(Reason::NotAllowed),
+            "{address:04X}"
+        );
+        assert!(
+            matches!(
+                rig.commanded(MQTT, register(address, 0)),
+                (Outcome::Refused, _)
+            ),
+            "{address:04X}"
+        );
     }
-    assert_eq!(rig.commanded(LOCAL, register(SOURCE.1, 0)), (Outcome::Refused, Reason::NotListed));
+    assert_eq!(
+        rig.commanded(LOCAL, register(SOURCE.1, 0)),
+        (Outcome::Refused, Reason::NotListed)
+    );
     assert_eq!(writes(&rig), []);
     // What is set for bus control outlasts the power.
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, SOURCE.0.into(), 0);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, SOURCE.0.into(), 0);
     rig.live(SECOND);
-    assert_eq!(rig.commanded(LOCAL, Order::Setup(vec![SOURCE.0.into()])), CONFIRMED);
+    assert_eq!(
+        rig.commanded(LOCAL, Order::Setup(vec![SOURCE.0.into()])),
+        CONFIRMED
+    );
     assert_eq!(writes(&rig), [(SOURCE.0, 2)]);
 }
 

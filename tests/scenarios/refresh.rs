@@ -28,8 +28,18 @@ fn can(model: &Model, baud: u32) -> bool {
 }
 
 fn refresh_of(models: &[Arc<Model>], baud: u32) -> Refresh {
-    let link = LinkSettings { baud, data_bits: 8, parity: Parity::None, stop_bits: 1 };
-    let timing = Timing::for_models(Framing::Rtu, link, models.iter().map(AsRef::as_ref), Duration::ZERO);
+    let link = LinkSettings {
+        baud,
+        data_bits: 8,
+        parity: Parity::None,
+        stop_bits: 1,
+    };
+    let timing = Timing::for_models(
+        Framing::Rtu,
+        link,
+        models.iter().map(AsRef::as_ref),
+        Duration::ZERO,
+    );
     let stations = models.iter().map(|model| PlannedStation {
         model,
         poll: Duration::from_secs(1),
@@ -44,14 +54,26 @@ fn lines() -> Vec<(u32, usize, Vec<Arc<Model>>)> {
     let mut lines = Vec::new();
     for baud in [9600, 19200] {
         let catalog = vendors::catalog();
-        let all: Vec<_> = catalog.models().filter(|model| can(model, baud)).cloned().collect();
-        lines.extend((1..).zip(all.chunks(DRIVES_OF_A_LINE)).map(|(number, models)| (baud, number, models.to_vec())));
+        let all: Vec<_> = catalog
+            .models()
+            .filter(|model| can(model, baud))
+            .cloned()
+            .collect();
+        lines.extend(
+            (1..)
+                .zip(all.chunks(DRIVES_OF_A_LINE))
+                .map(|(number, models)| (baud, number, models.to_vec())),
+        );
     }
     lines
 }
 
 fn names(models: &[Arc<Model>]) -> String {
-    models.iter().map(|model| model.id.as_str()).collect::<Vec<_>>().join(", ")
+    models
+        .iter()
+        .map(|model| model.id.as_str())
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 #[test]
@@ -59,7 +81,12 @@ fn a_refresh_is_within_three_per_cent_of_the_shortest() {
     let mut table = String::new();
     let mut worst = 0;
     for (baud, number, models) in lines() {
-        let Refresh { reads, time, shortest_reads, shortest_time } = refresh_of(&models, baud);
+        let Refresh {
+            reads,
+            time,
+            shortest_reads,
+            shortest_time,
+        } = refresh_of(&models, baud);
         let longer = time.as_nanos() * 1000 / shortest_time.as_nanos() - 1000;
         worst = worst.max(longer);
         let [time, shortest] = [time, shortest_time].map(|it| it.as_millis());
@@ -77,7 +104,12 @@ fn a_refresh_is_within_three_per_cent_of_the_shortest() {
 
 /// A line of these models at 8N1, each polled this often.
 fn line(models: &[Arc<Model>], baud: u32, poll: Duration) -> Rig {
-    let link = LinkSettings { baud, data_bits: 8, parity: Parity::None, stop_bits: 1 };
+    let link = LinkSettings {
+        baud,
+        data_bits: 8,
+        parity: Parity::None,
+        stop_bits: 1,
+    };
     Rig::mixed(models, link, poll)
 }
 
@@ -91,17 +123,29 @@ fn no_fast_poll_is_late_while_the_line_has_room() {
         let poll = Duration::from_secs(1).mul_f64(each_second.use_of_line * 1.03);
         let mut rig = line(&models, baud, poll);
         let use_of_line = rig.setup.budget().use_of_line;
-        writeln!(table, "{baud} line {number}: every {poll:.3?}, use {use_of_line:.3} ({})", names(&models)).unwrap();
+        writeln!(
+            table,
+            "{baud} line {number}: every {poll:.3?}, use {use_of_line:.3} ({})",
+            names(&models)
+        )
+        .unwrap();
         assert!((0.8..=1.0).contains(&use_of_line), "{table}");
         rig.pass(Duration::from_secs(120));
         for (drive, model) in (0..).map(DriveIndex).zip(&models) {
             let station = rig.core.station(drive).unwrap();
-            let Some(planned) = station.planned_age else { continue };
+            let Some(planned) = station.planned_age else {
+                continue;
+            };
             let is_late = station.oldest_age > planned;
             late += usize::from(is_late);
             let mark = if is_late { "LATE" } else { "" };
             let (oldest, planned) = (station.oldest_age.as_millis(), planned.as_millis());
-            writeln!(table, "  {}: {oldest} ms, planned {planned} ms {mark}", model.id).unwrap();
+            writeln!(
+                table,
+                "  {}: {oldest} ms, planned {planned} ms {mark}",
+                model.id
+            )
+            .unwrap();
         }
     }
     println!("{table}");

@@ -21,12 +21,18 @@ fn drive(rig: &mut Rig) -> &mut SimDrive {
 
 /// The polled registers that are not read, or not any more.
 fn missing(rig: &Rig, model: &Model) -> Vec<Address> {
-    let polled = model.registers.iter().filter(|it| matches!(it.poll, Some(PollClass::Fast | PollClass::Second)));
+    let polled = model
+        .registers
+        .iter()
+        .filter(|it| matches!(it.poll, Some(PollClass::Fast | PollClass::Second)));
     let is_fresh = |address| {
         let reading = rig.view(0).snapshot.reading(address);
         reading.is_some_and(|reading| rig.now.since(reading.at) < SECOND * 10)
     };
-    polled.map(|it| it.address).filter(|address| !is_fresh(*address)).collect()
+    polled
+        .map(|it| it.address)
+        .filter(|address| !is_fresh(*address))
+        .collect()
 }
 
 fn refusals(rig: &Rig) -> u64 {
@@ -35,7 +41,10 @@ fn refusals(rig: &Rig) -> u64 {
 
 #[test]
 fn its_neighbours_are_read_all_the_same() {
-    for (id, number, code) in [("frecon-fr500a", 0x3007, ADDRESS), ("teco-e510", 0x2527, 0x52)] {
+    for (id, number, code) in [
+        ("frecon-fr500a", 0x3007, ADDRESS),
+        ("teco-e510", 0x2527, 0x52),
+    ] {
         let model = model(id);
         let address = Address::holding(number);
         let refused = RefusedRegister { address, code };
@@ -45,14 +54,30 @@ fn its_neighbours_are_read_all_the_same() {
         rig.live(SECOND * 30);
         assert_eq!(missing(&rig, &model), [address], "{id}");
         assert_eq!(rig.view(0).refused, [refused], "{id}");
-        let told = |rig: &Rig| rig.notes.iter().filter(|(_, note)| *note == Note::RegisterRefused(refused)).count();
+        let told = |rig: &Rig| {
+            rig.notes
+                .iter()
+                .filter(|(_, note)| *note == Note::RegisterRefused(refused))
+                .count()
+        };
         assert_eq!(told(&rig), 1, "{id}");
         let begun = refusals(&rig);
-        assert!((1..=20).contains(&begun), "{id}: {begun} exchanges were spent");
+        assert!(
+            (1..=20).contains(&begun),
+            "{id}: {begun} exchanges were spent"
+        );
         rig.live(SECOND * 3500);
-        assert_eq!((refusals(&rig), told(&rig)), (begun, 1), "{id}: it is left alone for an hour");
+        assert_eq!(
+            (refusals(&rig), told(&rig)),
+            (begun, 1),
+            "{id}: it is left alone for an hour"
+        );
         rig.live(SECOND * 200);
-        assert_eq!((refusals(&rig), told(&rig)), (begun + 1, 1), "{id}: and asked then");
+        assert_eq!(
+            (refusals(&rig), told(&rig)),
+            (begun + 1, 1),
+            "{id}: and asked then"
+        );
         // After an outage it is asked at once, and if it answers, it is polled again.
         let now = rig.now;
         rig.bus.set_powered(now, Station(1), false);
@@ -61,7 +86,11 @@ fn its_neighbours_are_read_all_the_same() {
         rig.bus.set_powered(now, Station(1), true);
         drive(&mut rig).shows_the_truth();
         rig.live(SECOND * 60);
-        assert_eq!((missing(&rig, &model), rig.view(0).refused.len()), (Vec::new(), 0), "{id}");
+        assert_eq!(
+            (missing(&rig, &model), rig.view(0).refused.len()),
+            (Vec::new(), 0),
+            "{id}"
+        );
     }
 }
 
@@ -77,7 +106,9 @@ fn a_stop_is_not_delayed_while_the_parts_are_asked() {
         let before = rig.sent.len();
         let ticket = rig.command(MQTT, 0, STOP);
         rig.pass(Duration::from_millis(300));
-        let stop = rig.sent[before..].iter().position(|sent| sent.frame[1] == 6);
+        let stop = rig.sent[before..]
+            .iter()
+            .position(|sent| sent.frame[1] == 6);
         assert!(stop.is_some_and(|place| place <= 1), "{lead_ms}: {stop:?}");
         assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
     }

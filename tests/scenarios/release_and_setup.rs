@@ -32,21 +32,37 @@ fn rig(id: &str, control: ControlSettings) -> Rig {
 /// A drive that was run from here and is at standstill again.
 fn at_rest(id: &str) -> Rig {
     let mut rig = rig(id, accepting());
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2000))).0, Outcome::Confirmed, "{id}");
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(2000))).0,
+        Outcome::Confirmed,
+        "{id}"
+    );
     rig.live(SECOND * 2);
     assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed, "{id}");
     rig.live(SECOND * 8);
-    assert_eq!((rig.output(1), rig.view(0).run_state), (0, RunState::Stopped), "{id}");
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (0, RunState::Stopped),
+        "{id}"
+    );
     rig.sent.clear();
     rig
 }
 
 fn operate_panel(rig: &mut Rig, runs: Option<Direction>) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().operate_panel(now, runs);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .operate_panel(now, runs);
 }
 
-fn refuses(rig: &mut Rig, origin: vfd_gateway::domain::command::Origin, order: Order, reason: Reason) {
+fn refuses(
+    rig: &mut Rig,
+    origin: vfd_gateway::domain::command::Origin,
+    order: Order,
+    reason: Reason,
+) {
     let told = rig.commanded(origin, order.clone());
     assert_eq!(told, (Outcome::Refused, reason), "{order:?}");
 }
@@ -54,9 +70,18 @@ fn refuses(rig: &mut Rig, origin: vfd_gateway::domain::command::Origin, order: O
 #[test]
 fn control_is_handed_back_only_where_the_file_allows_it_and_accepts_what_is_unproven() {
     for id in RELEASING {
-        let unproven = ControlSettings { accept_unverified: vec![ControlAction::Reverse], ..accepting() };
+        let unproven = ControlSettings {
+            accept_unverified: vec![ControlAction::Reverse],
+            ..accepting()
+        };
         for (control, reason) in [
-            (ControlSettings { allow_release: false, ..accepting() }, Reason::NoRelease),
+            (
+                ControlSettings {
+                    allow_release: false,
+                    ..accepting()
+                },
+                Reason::NoRelease,
+            ),
             (unproven, Reason::Unverified),
         ] {
             let mut rig = rig(id, control);
@@ -79,7 +104,11 @@ fn control_is_not_handed_back_while_the_motor_may_turn_or_another_party_holds_it
         assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed, "{id}");
         assert!(rig.output(1) > 0);
         refuses(&mut rig, MQTT, Order::Release, Reason::Moving);
-        assert!(!rig.written(COMMAND).contains(&0), "{id}: {:04X?}", rig.written(COMMAND));
+        assert!(
+            !rig.written(COMMAND).contains(&0),
+            "{id}: {:04X?}",
+            rig.written(COMMAND)
+        );
     }
 }
 
@@ -93,17 +122,34 @@ fn a_release_ends_the_lease_and_inhibits_the_start() {
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 3);
         rig.live(SECOND * 3);
-        assert_eq!(rig.commanded(MQTT, Order::Reset).0, Outcome::Confirmed, "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, Order::Reset).0,
+            Outcome::Confirmed,
+            "{id}"
+        );
         rig.live(SECOND * 3);
         assert!(rig.view(0).control.unwrap().lease.is_some(), "{id}");
         rig.sent.clear();
-        assert_eq!(rig.commanded(MQTT, Order::Release), (Outcome::Acknowledged, Reason::None), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, Order::Release),
+            (Outcome::Acknowledged, Reason::None),
+            "{id}"
+        );
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.lease, control.start_inhibited, control.intent), (None, true, RunIntent::Stop), "{id}");
+        assert_eq!(
+            (control.lease, control.start_inhibited, control.intent),
+            (None, true, RunIntent::Stop),
+            "{id}"
+        );
         assert_eq!(rig.writes(), [single(COMMAND, 0)], "{id}");
         rig.live(SECOND * 10);
         assert_eq!(rig.writes().len(), 1, "{id}: nobody takes it back");
-        refuses(&mut rig, plc(1), run(Direction::Forward, Some(3000)), Reason::StartInhibited);
+        refuses(
+            &mut rig,
+            plc(1),
+            run(Direction::Forward, Some(3000)),
+            Reason::StartInhibited,
+        );
     }
 }
 
@@ -114,18 +160,46 @@ fn a_closed_terminal_starts_a_released_drive_which_is_seen_and_left_alone_until_
         operate_panel(&mut rig, Some(Direction::Forward));
         rig.live(SECOND * 5);
         assert_eq!(rig.output(1), 0, "{id}: the bus has priority");
-        assert_eq!(rig.commanded(MQTT, Order::Release), (Outcome::Acknowledged, Reason::None), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, Order::Release),
+            (Outcome::Acknowledged, Reason::None),
+            "{id}"
+        );
         rig.live(SECOND * 12);
-        assert_eq!((rig.output(1), rig.view(0).run_state), (2000, RunState::Forward), "{id}");
+        assert_eq!(
+            (rig.output(1), rig.view(0).run_state),
+            (2000, RunState::Forward),
+            "{id}"
+        );
         assert_eq!(rig.writes(), [single(COMMAND, 0)], "{id}: it is left alone");
-        assert_eq!(rig.view(0).control.unwrap().intent, RunIntent::Stop, "{id}: nobody ordered it here");
-        assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None), "{id}");
+        assert_eq!(
+            rig.view(0).control.unwrap().intent,
+            RunIntent::Stop,
+            "{id}: nobody ordered it here"
+        );
+        assert_eq!(
+            rig.commanded(plc(1), STOP),
+            (Outcome::Confirmed, Reason::None),
+            "{id}"
+        );
         rig.live(SECOND * 12);
-        assert_eq!((rig.output(1), rig.view(0).run_state), (0, RunState::Stopped), "{id}: the bus has priority again");
-        assert_eq!(rig.writes(), [single(COMMAND, 0), single(COMMAND, 0xC000)], "{id}");
+        assert_eq!(
+            (rig.output(1), rig.view(0).run_state),
+            (0, RunState::Stopped),
+            "{id}: the bus has priority again"
+        );
+        assert_eq!(
+            rig.writes(),
+            [single(COMMAND, 0), single(COMMAND, 0xC000)],
+            "{id}"
+        );
         let held = rig.read(9, 0, COMMAND, 1);
         let expected = vfd_gateway::domain::native::NativeOutcome::Words([0xC000].into());
-        assert_eq!(rig.answer_to(held), expected, "{id}: it stays under the bus");
+        assert_eq!(
+            rig.answer_to(held),
+            expected,
+            "{id}: it stays under the bus"
+        );
     }
 }
 
@@ -138,9 +212,17 @@ fn a_stop_takes_a_drive_from_its_panel_where_its_words_can() {
         rig.live(SECOND * 8);
         assert!(rig.output(1) > 0, "{id}: it was never under the bus");
         rig.sent.clear();
-        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, STOP),
+            (Outcome::Confirmed, Reason::None),
+            "{id}"
+        );
         rig.live(SECOND * 8);
-        assert_eq!((rig.output(1), rig.writes()), (0, vec![single(COMMAND, 0xC000)]), "{id}");
+        assert_eq!(
+            (rig.output(1), rig.writes()),
+            (0, vec![single(COMMAND, 0xC000)]),
+            "{id}"
+        );
     }
 }
 
@@ -150,23 +232,44 @@ fn what_a_drive_needs_is_set_from_the_gateways_own_side_and_read_back() {
         let mut rig = rig(id, accepting());
         let now = rig.now;
         for (address, word) in *items {
-            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*address).into(), word ^ 1);
+            rig.bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .set_locally(now, (*address).into(), word ^ 1);
         }
         rig.sent.clear();
         // In any order of the names.
-        let addresses: Vec<_> = items.iter().rev().map(|(address, _)| (*address).into()).collect();
-        assert_eq!(rig.commanded(LOCAL, Order::Setup(addresses)), (Outcome::Confirmed, Reason::None), "{id}");
-        let expected: Vec<_> = items.iter().map(|(address, word)| single(*address, *word)).collect();
+        let addresses: Vec<_> = items
+            .iter()
+            .rev()
+            .map(|(address, _)| (*address).into())
+            .collect();
+        assert_eq!(
+            rig.commanded(LOCAL, Order::Setup(addresses)),
+            (Outcome::Confirmed, Reason::None),
+            "{id}"
+        );
+        let expected: Vec<_> = items
+            .iter()
+            .map(|(address, word)| single(*address, *word))
+            .collect();
         assert_eq!(rig.writes(), expected, "{id}");
         let last = rig.sent.iter().rposition(|sent| sent.pdu[0] == 6).unwrap();
         for (address, word) in *items {
             let pdu = [vec![3], address.to_be_bytes().to_vec(), vec![0, 1]].concat();
-            assert!(rig.sent[last..].iter().any(|sent| sent.pdu == pdu), "{id}: {address:04X} is read back");
+            assert!(
+                rig.sent[last..].iter().any(|sent| sent.pdu == pdu),
+                "{id}: {address:04X} is read back"
+            );
             let held = rig.read(9, 0, *address, 1);
             let expected = vfd_gateway::domain::native::NativeOutcome::Words([*word].into());
             assert_eq!(rig.answer_to(held), expected, "{id}");
         }
-        assert_eq!(rig.view(0).control.unwrap().lease, None, "{id}: nobody holds it for that");
+        assert_eq!(
+            rig.view(0).control.unwrap().lease,
+            None,
+            "{id}: nobody holds it for that"
+        );
     }
 }
 
@@ -176,7 +279,12 @@ fn no_other_party_sets_what_a_drive_needs() {
         let mut rig = rig(id, accepting());
         for origin in [MQTT, plc(1)] {
             let addresses = items.iter().map(|(address, _)| (*address).into()).collect();
-            refuses(&mut rig, origin, Order::Setup(addresses), Reason::NotFromHere);
+            refuses(
+                &mut rig,
+                origin,
+                Order::Setup(addresses),
+                Reason::NotFromHere,
+            );
         }
         assert!(rig.writes().is_empty(), "{id}");
     }
@@ -186,18 +294,34 @@ fn no_other_party_sets_what_a_drive_needs() {
 fn nothing_but_what_a_drive_needs_is_set_that_way() {
     for model in models() {
         let mut rig = rig(&model.id, accepting());
-        let mut wrong: Vec<u16> = model.registers.iter().map(|register| register.address.number()).collect();
-        let right = SETUP.iter().find(|(id, _)| *id == model.id).map_or(&[][..], |(_, items)| items);
+        let mut wrong: Vec<u16> = model
+            .registers
+            .iter()
+            .map(|register| register.address.number())
+            .collect();
+        let right = SETUP
+            .iter()
+            .find(|(id, _)| *id == model.id)
+            .map_or(&[][..], |(_, items)| items);
         wrong.retain(|address| right.iter().all(|(needed, _)| needed != address));
         assert!(wrong.contains(&address_of(&model, Role::RunCommand)));
         for address in wrong.into_iter().chain([0x7FFF]) {
-            let with_right = right.iter().map(|(needed, _)| *needed).chain([address]).collect();
+            let with_right = right
+                .iter()
+                .map(|(needed, _)| *needed)
+                .chain([address])
+                .collect();
             for addresses in [vec![address], with_right] {
                 let addresses = addresses.into_iter().map(Into::into).collect();
                 refuses(&mut rig, LOCAL, Order::Setup(addresses), Reason::NotCapable);
             }
         }
-        refuses(&mut rig, LOCAL, Order::Setup(Vec::new()), Reason::NotUnderstood);
+        refuses(
+            &mut rig,
+            LOCAL,
+            Order::Setup(Vec::new()),
+            Reason::NotUnderstood,
+        );
         assert!(rig.writes().is_empty(), "{}", model.id);
     }
 }
@@ -218,19 +342,28 @@ fn nothing_is_set_while_the_motor_turns_or_somebody_holds_control() {
         rig.pass(SECOND * 12);
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         refuses(&mut rig, LOCAL, setup(), Reason::OtherOwner);
-        let written: Vec<_> = items.iter().flat_map(|(address, _)| rig.written(*address)).collect();
+        let written: Vec<_> = items
+            .iter()
+            .flat_map(|(address, _)| rig.written(*address))
+            .collect();
         assert!(written.is_empty(), "{id}: {written:?}");
     }
 }
 
 #[test]
 fn nothing_is_set_while_a_panel_runs_the_motor() {
-    for (id, items) in SETUP.iter().filter(|(id, _)| id.starts_with("teco") || id.starts_with("frecon")) {
+    for (id, items) in SETUP
+        .iter()
+        .filter(|(id, _)| id.starts_with("teco") || id.starts_with("frecon"))
+    {
         let mut rig = rig(id, accepting());
         rig.commanded(MQTT, setpoint(2000));
         let now = rig.now;
         for (address, _) in *items {
-            rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, (*address).into(), 0);
+            rig.bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .set_locally(now, (*address).into(), 0);
         }
         operate_panel(&mut rig, Some(Direction::Forward));
         rig.live(SECOND * 5);

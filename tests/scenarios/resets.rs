@@ -38,18 +38,65 @@ struct Way {
 }
 
 const WAYS: &[Way] = &[
-    Way { id: "hyundai-n700", words: &[0, 4, 0], ..NUMBERS },
-    Way { id: "hyundai-n100plus", words: &[0, 4, 0], run_bits: 0b0011, ..NUMBERS },
-    Way { id: "teco-e510", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
-    Way { id: "teco-e510s", at: 0x2501, reset: 8, words: &[0, 8, 0], run_bits: 0b0011, shows_trips: true, ..NUMBERS },
-    Way { id: "frecon-fr500a", at: 0x2000, stop: 5, reset: 7, words: &[5, 7], shows_trips: true, ..NUMBERS },
+    Way {
+        id: "hyundai-n700",
+        words: &[0, 4, 0],
+        ..NUMBERS
+    },
+    Way {
+        id: "hyundai-n100plus",
+        words: &[0, 4, 0],
+        run_bits: 0b0011,
+        ..NUMBERS
+    },
+    Way {
+        id: "teco-e510",
+        at: 0x2501,
+        reset: 8,
+        words: &[0, 8, 0],
+        run_bits: 0b0011,
+        shows_trips: true,
+        ..NUMBERS
+    },
+    Way {
+        id: "teco-e510s",
+        at: 0x2501,
+        reset: 8,
+        words: &[0, 8, 0],
+        run_bits: 0b0011,
+        shows_trips: true,
+        ..NUMBERS
+    },
+    Way {
+        id: "frecon-fr500a",
+        at: 0x2000,
+        stop: 5,
+        reset: 7,
+        words: &[5, 7],
+        shows_trips: true,
+        ..NUMBERS
+    },
     // The drive is deaf to the stop after the reset word, so that is sent again.
-    Way { id: "toshiba-vf-as1", ..BITS },
-    Way { id: "toshiba-vf-s15", ..BITS },
+    Way {
+        id: "toshiba-vf-as1",
+        ..BITS
+    },
+    Way {
+        id: "toshiba-vf-s15",
+        ..BITS
+    },
 ];
 
-const NUMBERS: Way =
-    Way { id: "", at: 0x0002, stop: 0, reset: 4, words: &[], run_bits: 0, shows_trips: false, deaf: false };
+const NUMBERS: Way = Way {
+    id: "",
+    at: 0x0002,
+    stop: 0,
+    reset: 4,
+    words: &[],
+    run_bits: 0,
+    shows_trips: false,
+    deaf: false,
+};
 const BITS: Way = Way {
     id: "",
     at: 0xFA00,
@@ -104,7 +151,11 @@ fn settled(rig: &mut Rig, ticket: Ticket) -> (Outcome, Reason) {
 /// When `word` was first sent to the run command of the first drive.
 fn sent_at(rig: &Rig, way: &Way, word: u16) -> MonoTime {
     let pdu = crate::support::families::single(way.at, word);
-    rig.sent.iter().find(|sent| sent.frame[0] == 1 && sent.pdu == pdu).expect("it was sent").at
+    rig.sent
+        .iter()
+        .find(|sent| sent.frame[0] == 1 && sent.pdu == pdu)
+        .expect("it was sent")
+        .at
 }
 
 fn is_tripped(rig: &Rig) -> bool {
@@ -113,10 +164,24 @@ fn is_tripped(rig: &Rig) -> bool {
 
 fn keeps_the_rules(rig: &Rig, way: &Way) {
     let report = rig.bus.drive(Station(1)).unwrap().report();
-    assert_eq!((report.forbidden_words, report.resets_held), (0, 0), "{}", way.id);
+    assert_eq!(
+        (report.forbidden_words, report.resets_held),
+        (0, 0),
+        "{}",
+        way.id
+    );
     for word in rig.written(way.at) {
-        assert!([way.stop, way.reset].contains(&word), "{}: {word:04X} in a reset", way.id);
-        assert_eq!(word & way.run_bits, 0, "{}: {word:04X} orders to run", way.id);
+        assert!(
+            [way.stop, way.reset].contains(&word),
+            "{}: {word:04X} in a reset",
+            way.id
+        );
+        assert_eq!(
+            word & way.run_bits,
+            0,
+            "{}: {word:04X} orders to run",
+            way.id
+        );
     }
 }
 
@@ -132,13 +197,28 @@ fn there_is_a_way_for_every_model_that_can_be_reset() {
 fn a_reset_is_the_vendors_words_and_no_others() {
     for way in WAYS {
         let mut rig = tripped(way, 1);
-        assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+        assert_eq!(
+            rig.commanded(MQTT, Order::Reset),
+            (Outcome::Confirmed, Reason::None),
+            "{}",
+            way.id
+        );
         assert_eq!(rig.written(way.at), way.words, "{}", way.id);
-        assert_eq!(rig.writes().len(), way.words.len(), "{}: nothing beside it", way.id);
+        assert_eq!(
+            rig.writes().len(),
+            way.words.len(),
+            "{}: nothing beside it",
+            way.id
+        );
         assert!(!is_tripped(&rig), "{}", way.id);
         keeps_the_rules(&rig, way);
         rig.live(SECOND * 5);
-        assert_eq!((rig.output(1), rig.written(way.at).len()), (0, way.words.len()), "{}: nothing follows", way.id);
+        assert_eq!(
+            (rig.output(1), rig.written(way.at).len()),
+            (0, way.words.len()),
+            "{}: nothing follows",
+            way.id
+        );
     }
 }
 
@@ -148,15 +228,30 @@ fn a_reset_goes_only_to_a_drive_that_is_tripped_or_may_be_and_stands_still() {
         let mut rig = rig_of(&model(way.id), accepting());
         let told = rig.commanded(MQTT, Order::Reset);
         if way.shows_trips {
-            assert_eq!(told, (Outcome::Refused, Reason::NotTripped), "{}: it is known not to be", way.id);
+            assert_eq!(
+                told,
+                (Outcome::Refused, Reason::NotTripped),
+                "{}: it is known not to be",
+                way.id
+            );
             assert!(rig.writes().is_empty(), "{}", way.id);
         } else {
-            assert_eq!(told, (Outcome::Confirmed, Reason::None), "{}: nobody knows, and it stands still", way.id);
+            assert_eq!(
+                told,
+                (Outcome::Confirmed, Reason::None),
+                "{}: nobody knows, and it stands still",
+                way.id
+            );
         }
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(SECOND);
         rig.sent.clear();
-        assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Refused, Reason::NotTripped), "{}", way.id);
+        assert_eq!(
+            rig.commanded(MQTT, Order::Reset),
+            (Outcome::Refused, Reason::NotTripped),
+            "{}",
+            way.id
+        );
         assert!(rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
         assert!(rig.output(1) > 0, "{}", way.id);
     }
@@ -170,9 +265,19 @@ fn a_stop_in_the_middle_cuts_a_reset_and_takes_its_bit_back() {
             let reset = reset_up_to(&mut rig, way, count);
             let cut_at = rig.now;
             let stop = rig.command(plc(1), 0, STOP);
-            assert_eq!(rig.outcome_of(reset), (Outcome::Superseded, Reason::Stopped), "{}", way.id);
+            assert_eq!(
+                rig.outcome_of(reset),
+                (Outcome::Superseded, Reason::Stopped),
+                "{}",
+                way.id
+            );
             assert_eq!(rig.now, cut_at, "{}: at once", way.id);
-            assert_eq!(rig.outcome_of(stop), (Outcome::Confirmed, Reason::None), "{} after {count}", way.id);
+            assert_eq!(
+                rig.outcome_of(stop),
+                (Outcome::Confirmed, Reason::None),
+                "{} after {count}",
+                way.id
+            );
             let words = rig.written(way.at);
             let resets = words.iter().filter(|word| **word == way.reset).count();
             assert_eq!(resets, count - 1, "{}: {words:04X?}", way.id);
@@ -182,7 +287,12 @@ fn a_stop_in_the_middle_cuts_a_reset_and_takes_its_bit_back() {
             if way.deaf {
                 let held = rig.read(9, 0, way.at, 1);
                 let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
-                assert_eq!(rig.answer_to(held), expected, "{} after {count}: what the drive holds", way.id);
+                assert_eq!(
+                    rig.answer_to(held),
+                    expected,
+                    "{} after {count}: what the drive holds",
+                    way.id
+                );
             }
         }
     }
@@ -195,20 +305,36 @@ fn a_lost_reply_to_the_reset_word_is_reported_as_what_the_drive_shows() {
         let ticket = reset_up_to(&mut rig, way, 1);
         rig.loses_reply_to = Some(6);
         let told = rig.outcome_of(ticket);
-        let expected =
-            if way.shows_trips { (Outcome::Confirmed, Reason::None) } else { (Outcome::Unknown, Reason::NoReply) };
+        let expected = if way.shows_trips {
+            (Outcome::Confirmed, Reason::None)
+        } else {
+            (Outcome::Unknown, Reason::NoReply)
+        };
         assert_eq!(told, expected, "{}", way.id);
         let words = rig.written(way.at);
-        assert_eq!(words.iter().filter(|word| **word == way.reset).count(), 1, "{}: {words:04X?}", way.id);
+        assert_eq!(
+            words.iter().filter(|word| **word == way.reset).count(),
+            1,
+            "{}: {words:04X?}",
+            way.id
+        );
         let ends_with_a_stop = way.words.last() == Some(&way.stop);
-        assert_eq!(words.last() == Some(&way.stop), ends_with_a_stop, "{}: {words:04X?}", way.id);
+        assert_eq!(
+            words.last() == Some(&way.stop),
+            ends_with_a_stop,
+            "{}: {words:04X?}",
+            way.id
+        );
         keeps_the_rules(&rig, way);
     }
 }
 
 #[test]
 fn the_stop_that_ends_a_reset_goes_until_it_is_answered() {
-    for way in WAYS.iter().filter(|way| way.words.last() == Some(&way.stop)) {
+    for way in WAYS
+        .iter()
+        .filter(|way| way.words.last() == Some(&way.stop))
+    {
         for lost in 1..=3 {
             let mut rig = tripped(way, 1);
             let before = way.words.len() - 1;
@@ -219,10 +345,25 @@ fn the_stop_that_ends_a_reset_goes_until_it_is_answered() {
                     rig.live(SECOND / 100);
                 }
             }
-            assert_eq!(settled(&mut rig, ticket), (Outcome::Confirmed, Reason::None), "{}, {lost} lost", way.id);
+            assert_eq!(
+                settled(&mut rig, ticket),
+                (Outcome::Confirmed, Reason::None),
+                "{}, {lost} lost",
+                way.id
+            );
             let words = rig.written(way.at);
-            assert_eq!(words.len(), way.words.len() + lost, "{}: {words:04X?}", way.id);
-            assert_eq!(words.iter().filter(|word| **word == way.reset).count(), 1, "{}", way.id);
+            assert_eq!(
+                words.len(),
+                way.words.len() + lost,
+                "{}: {words:04X?}",
+                way.id
+            );
+            assert_eq!(
+                words.iter().filter(|word| **word == way.reset).count(),
+                1,
+                "{}",
+                way.id
+            );
             keeps_the_rules(&rig, way);
         }
     }
@@ -230,14 +371,22 @@ fn the_stop_that_ends_a_reset_goes_until_it_is_answered() {
 
 #[test]
 fn a_reset_whose_end_is_never_answered_is_reported_as_unknown_and_sent_so_often_only() {
-    for way in WAYS.iter().filter(|way| way.words.last() == Some(&way.stop)) {
+    for way in WAYS
+        .iter()
+        .filter(|way| way.words.last() == Some(&way.stop))
+    {
         let mut rig = tripped(way, 1);
         let ticket = reset_up_to(&mut rig, way, 2);
         let now = rig.now;
         rig.bus.set_powered(now, Station(1), false);
         rig.live(SECOND * 60);
         let (outcome, reason, is_final) = *rig.told(ticket).last().unwrap();
-        assert_eq!((outcome, reason, is_final), (Outcome::Unknown, Reason::NoReply, true), "{}", way.id);
+        assert_eq!(
+            (outcome, reason, is_final),
+            (Outcome::Unknown, Reason::NoReply, true),
+            "{}",
+            way.id
+        );
         let stops = rig.written(way.at).len() - 2;
         assert!((4..=5).contains(&stops), "{}: {stops}", way.id);
     }
@@ -250,7 +399,10 @@ fn a_drive_that_is_deaf_for_longer_than_was_said_gets_the_stop_all_the_same() {
             let mut slow = Model::clone(&model(way.id));
             slow.quirks.deaf_after_reset.as_mut().unwrap().value = Duration::from_millis(2500);
             let mut rig = rig_of(&model(way.id), accepting());
-            rig.bus.connect(Station(1), SimDrive::new(slow.into(), DriveOptions::default()));
+            rig.bus.connect(
+                Station(1),
+                SimDrive::new(slow.into(), DriveOptions::default()),
+            );
             rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
             rig.live(SECOND * 3);
             trip(&mut rig);
@@ -258,7 +410,12 @@ fn a_drive_that_is_deaf_for_longer_than_was_said_gets_the_stop_all_the_same() {
             let reset = reset_up_to(&mut rig, way, 2);
             let stop = cut.then(|| rig.command(plc(1), 0, STOP));
             let told = settled(&mut rig, stop.unwrap_or(reset));
-            assert_eq!(told, (Outcome::Confirmed, Reason::None), "{}, cut {cut}", way.id);
+            assert_eq!(
+                told,
+                (Outcome::Confirmed, Reason::None),
+                "{}, cut {cut}",
+                way.id
+            );
             let held = rig.read(9, 0, way.at, 1);
             let expected = vfd_gateway::domain::native::NativeOutcome::Words([way.stop].into());
             assert_eq!(rig.answer_to(held), expected, "{}, cut {cut}", way.id);
@@ -279,8 +436,16 @@ fn a_reset_without_effect_is_never_confirmed() {
             // The cause is still there.
             trip(&mut rig);
             let (outcome, reason) = rig.outcome_of(ticket);
-            assert!(matches!(outcome, Outcome::Failed | Outcome::Unknown), "{}: {outcome:?}, {reason:?}", way.id);
-            assert!(matches!(reason, Reason::NotReadBack | Reason::NoReply), "{}: {reason:?}", way.id);
+            assert!(
+                matches!(outcome, Outcome::Failed | Outcome::Unknown),
+                "{}: {outcome:?}, {reason:?}",
+                way.id
+            );
+            assert!(
+                matches!(reason, Reason::NotReadBack | Reason::NoReply),
+                "{}: {reason:?}",
+                way.id
+            );
             keeps_the_rules(&rig, way);
             rig.live(SECOND * 2);
             assert_eq!(rig.view(0).run_state, RunState::Tripped, "{}", way.id);
@@ -302,15 +467,46 @@ fn a_drive_that_is_deaf_after_a_reset_is_left_alone_and_others_are_not_held_up()
             let since = sent_at(&rig, way, way.reset);
             let to_first: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[0] == 1).collect();
             let stop = crate::support::families::single(way.at, way.stop);
-            let deaf = to_first.iter().filter(|sent| sent.at > since && sent.at < since + SECOND * 2);
+            let deaf = to_first
+                .iter()
+                .filter(|sent| sent.at > since && sent.at < since + SECOND * 2);
             for sent in deaf {
-                assert_eq!(sent.pdu, stop, "{}, cut {cut}: {:?} after", way.id, sent.at.since(since));
+                assert_eq!(
+                    sent.pdu,
+                    stop,
+                    "{}, cut {cut}: {:?} after",
+                    way.id,
+                    sent.at.since(since)
+                );
             }
-            let others: Vec<_> = rig.sent.iter().filter(|sent| sent.frame[0] == 2).map(|sent| sent.at).collect();
-            let longest = others.windows(2).map(|pair| pair[1].since(pair[0])).max().unwrap();
-            assert!(longest < SECOND, "{}, cut {cut}: {longest:?} without the other drive", way.id);
-            assert_eq!(rig.view(0).snapshot.presence, Presence::Online, "{}, cut {cut}", way.id);
-            assert_eq!(rig.view(1).snapshot.presence, Presence::Online, "{}", way.id);
+            let others: Vec<_> = rig
+                .sent
+                .iter()
+                .filter(|sent| sent.frame[0] == 2)
+                .map(|sent| sent.at)
+                .collect();
+            let longest = others
+                .windows(2)
+                .map(|pair| pair[1].since(pair[0]))
+                .max()
+                .unwrap();
+            assert!(
+                longest < SECOND,
+                "{}, cut {cut}: {longest:?} without the other drive",
+                way.id
+            );
+            assert_eq!(
+                rig.view(0).snapshot.presence,
+                Presence::Online,
+                "{}, cut {cut}",
+                way.id
+            );
+            assert_eq!(
+                rig.view(1).snapshot.presence,
+                Presence::Online,
+                "{}",
+                way.id
+            );
             assert_eq!(rig.written(way.at).last(), Some(&way.stop), "{}", way.id);
         }
     }
@@ -343,7 +539,12 @@ fn a_gateway_that_ends_leaves_no_reset_standing() {
 fn after_a_reset_a_fresh_order_is_needed() {
     for way in WAYS {
         let mut rig = tripped(way, 1);
-        assert_eq!(rig.commanded(MQTT, Order::Reset).0, Outcome::Confirmed, "{}", way.id);
+        assert_eq!(
+            rig.commanded(MQTT, Order::Reset).0,
+            Outcome::Confirmed,
+            "{}",
+            way.id
+        );
         rig.live(SECOND * 5);
         assert_eq!(rig.output(1), 0, "{}", way.id);
         assert!(rig.view(0).control.unwrap().start_inhibited, "{}", way.id);
@@ -352,13 +553,27 @@ fn after_a_reset_a_fresh_order_is_needed() {
         // A controller that keeps writing its word for run has not seen that the drive tripped.
         for _ in 0..5 {
             let told = rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
-            assert_eq!(told, (Outcome::Refused, Reason::StartInhibited), "{}", way.id);
+            assert_eq!(
+                told,
+                (Outcome::Refused, Reason::StartInhibited),
+                "{}",
+                way.id
+            );
             rig.pass(SECOND / 2);
         }
         assert!(rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
-        assert_eq!(rig.commanded(plc(1), STOP).0, Outcome::Confirmed, "{}", way.id);
+        assert_eq!(
+            rig.commanded(plc(1), STOP).0,
+            Outcome::Confirmed,
+            "{}",
+            way.id
+        );
         let told = rig.commanded(plc(1), run(Direction::Forward, Some(3000))).0;
-        assert!(matches!(told, Outcome::Confirmed | Outcome::Acknowledged), "{}: {told:?}", way.id);
+        assert!(
+            matches!(told, Outcome::Confirmed | Outcome::Acknowledged),
+            "{}: {told:?}",
+            way.id
+        );
         rig.pass(SECOND);
         assert!(rig.output(1) > 0, "{}", way.id);
     }
@@ -370,11 +585,21 @@ fn a_cyclic_reset_acts_once() {
         let mut rig = tripped(way, 1);
         rig.pass(SECOND * 5);
         rig.sent.clear();
-        assert_eq!(rig.commanded(plc(1), Order::Reset).0, Outcome::Confirmed, "{}", way.id);
+        assert_eq!(
+            rig.commanded(plc(1), Order::Reset).0,
+            Outcome::Confirmed,
+            "{}",
+            way.id
+        );
         rig.pass(SECOND * 3);
         let words = rig.written(way.at).len();
         for _ in 0..5 {
-            assert_eq!(rig.commanded(plc(1), Order::Reset).1, Reason::Unchanged, "{}", way.id);
+            assert_eq!(
+                rig.commanded(plc(1), Order::Reset).1,
+                Reason::Unchanged,
+                "{}",
+                way.id
+            );
             rig.pass(SECOND / 2);
         }
         assert_eq!(rig.written(way.at).len(), words, "{}", way.id);
@@ -387,7 +612,12 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
         let mut rig = tripped(way, 1);
         // The client that started the motor is no longer its owner.
         rig.pass(SECOND * 5);
-        assert_eq!(rig.commanded(plc(1), Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+        assert_eq!(
+            rig.commanded(plc(1), Order::Reset),
+            (Outcome::Confirmed, Reason::None),
+            "{}",
+            way.id
+        );
         for _ in 0..5 {
             rig.commanded(plc(1), Order::Reset);
             rig.pass(SECOND);
@@ -395,18 +625,38 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
         trip(&mut rig);
         rig.sent.clear();
         for _ in 0..5 {
-            assert_eq!(rig.commanded(plc(1), Order::Reset), (Outcome::Acknowledged, Reason::Unchanged), "{}", way.id);
+            assert_eq!(
+                rig.commanded(plc(1), Order::Reset),
+                (Outcome::Acknowledged, Reason::Unchanged),
+                "{}",
+                way.id
+            );
             rig.pass(SECOND);
         }
-        assert!(is_tripped(&rig) && rig.writes().is_empty(), "{}: {:02X?}", way.id, rig.writes());
+        assert!(
+            is_tripped(&rig) && rig.writes().is_empty(),
+            "{}: {:02X?}",
+            way.id,
+            rig.writes()
+        );
         // A reset word that was withdrawn, or not repeated for the length of a lease, resets again; so does that of
         // another client.
-        for (by, over) in [(1, Some(Order::EndReset)), (1, Some(STOP)), (2, None), (1, None)] {
+        for (by, over) in [
+            (1, Some(Order::EndReset)),
+            (1, Some(STOP)),
+            (2, None),
+            (1, None),
+        ] {
             match over {
                 Some(order) => drop(rig.commanded(plc(by), order)),
                 None => rig.pass(SECOND * 3),
             }
-            assert_eq!(rig.commanded(plc(by), Order::Reset), (Outcome::Confirmed, Reason::None), "{}", way.id);
+            assert_eq!(
+                rig.commanded(plc(by), Order::Reset),
+                (Outcome::Confirmed, Reason::None),
+                "{}",
+                way.id
+            );
             rig.pass(SECOND * 5);
             assert!(!is_tripped(&rig), "{}", way.id);
             trip(&mut rig);
@@ -418,14 +668,20 @@ fn a_controller_that_holds_its_order_to_reset_resets_once() {
 /// What the journal would pass to the next start.
 fn remembered(rig: &Rig) -> Remembered {
     let mut memory = Remembered::default();
-    rig.entries().into_iter().for_each(|entry| memory.take(entry));
+    rig.entries()
+        .into_iter()
+        .for_each(|entry| memory.take(entry));
     memory
 }
 
 /// A tripped drive whose gateway has a journal.
 fn kept(way: &Way) -> Rig {
     let options = options_of(&model(way.id), accepting());
-    let mut rig = Rig::new(&RigOptions { keeps: true, poll: SECOND / 5, ..options });
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        poll: SECOND / 5,
+        ..options
+    });
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     rig.live(SECOND * 3);
     trip(&mut rig);
@@ -454,19 +710,38 @@ fn the_next_life_takes_back_the_word_that_resets_wherever_the_last_one_was_kille
                 assert_eq!(taken_back, [0; 0], "{}: it leaves no word standing", way.id);
                 continue;
             }
-            assert!(taken_back.iter().all(|word| *word == way.stop), "{} {count}: {taken_back:02X?}", way.id);
+            assert!(
+                taken_back.iter().all(|word| *word == way.stop),
+                "{} {count}: {taken_back:02X?}",
+                way.id
+            );
             let may_stand = way.words[count - 1] == way.reset;
             // A drive that restarts with its reset has forgotten the word; one that shows it is read first.
             let shown = reads(&mut rig, way.at);
-            assert!(!may_stand || shown.is_some() || !taken_back.is_empty(), "{} {count}", way.id);
+            assert!(
+                !may_stand || shown.is_some() || !taken_back.is_empty(),
+                "{} {count}",
+                way.id
+            );
             if stands.is_some_and(|word| word != way.reset) {
-                assert_eq!(taken_back, [0; 0], "{} {count}: it shows that there is nothing to take back", way.id);
+                assert_eq!(
+                    taken_back, [0; 0],
+                    "{} {count}: it shows that there is nothing to take back",
+                    way.id
+                );
             }
             assert_ne!(shown, Some(way.reset), "{} {count}", way.id);
-            assert!(taken_back.len() <= 1, "{} {count}: {taken_back:02X?}", way.id);
+            assert!(
+                taken_back.len() <= 1,
+                "{} {count}: {taken_back:02X?}",
+                way.id
+            );
             assert_eq!(rig.output(1), 0, "{}", way.id);
             keeps_the_rules(&rig, way);
-            let said = rig.entries().into_iter().filter(|it| matches!(it, Entry::ResetWord { may_stand: false }));
+            let said = rig
+                .entries()
+                .into_iter()
+                .filter(|it| matches!(it, Entry::ResetWord { may_stand: false }));
             assert_eq!(said.count(), 1, "{} {count}: and that is kept", way.id);
         }
     }
@@ -486,7 +761,12 @@ fn a_reset_that_an_unplugged_line_has_cut_off_is_taken_back_when_that_is_back() 
         rig.pass(SECOND * 15);
         // A drive that restarts with its reset has forgotten the word; if it shows that, it is not written to.
         let is_shown = reads(&mut rig, way.at).is_some();
-        assert_eq!(rig.written(way.at), if is_shown { vec![] } else { vec![way.stop] }, "{}", way.id);
+        assert_eq!(
+            rig.written(way.at),
+            if is_shown { vec![] } else { vec![way.stop] },
+            "{}",
+            way.id
+        );
         assert!(!remembered(&rig).reset, "{}", way.id);
         keeps_the_rules(&rig, way);
     }
@@ -530,15 +810,25 @@ fn a_motor_that_turns_by_others_after_that_is_left_alone_until_it_stands_still()
             send(&mut rig, address, word);
         }
         rig.pass(SECOND * 3);
-        let frequency =
-            crate::support::families::address_of(&model, vfd_gateway::profile::model::Role::FrequencyCommand);
+        let frequency = crate::support::families::address_of(
+            &model,
+            vfd_gateway::profile::model::Role::FrequencyCommand,
+        );
         send(&mut rig, frequency, 2000);
         send(&mut rig, way.at, word);
         rig.pass(SECOND * 3);
         assert!(rig.output(1) > 0, "{}: it runs", way.id);
-        rig.restart(Remembered { lease: None, ..memory });
+        rig.restart(Remembered {
+            lease: None,
+            ..memory
+        });
         rig.pass(SECOND * 10);
-        assert_eq!((rig.written(way.at), rig.output(1) > 0), (vec![], true), "{}", way.id);
+        assert_eq!(
+            (rig.written(way.at), rig.output(1) > 0),
+            (vec![], true),
+            "{}",
+            way.id
+        );
     }
 }
 
@@ -546,7 +836,14 @@ fn a_motor_that_turns_by_others_after_that_is_left_alone_until_it_stands_still()
 fn a_reset_that_is_over_leaves_nothing_to_take_back() {
     let nothing_is_left = |rig: &Rig, way: &Way| {
         assert!(!remembered(rig).reset, "{}", way.id);
-        assert!(!rig.notes.iter().any(|(_, note)| *note == Note::ResetTakenBack), "{}: {:?}", way.id, rig.notes);
+        assert!(
+            !rig.notes
+                .iter()
+                .any(|(_, note)| *note == Note::ResetTakenBack),
+            "{}: {:?}",
+            way.id,
+            rig.notes
+        );
     };
     for way in WAYS {
         let mut rig = kept(way);
@@ -567,7 +864,10 @@ fn reads(rig: &mut Rig, address: u16) -> Option<u16> {
     let now = rig.now;
     let pdu = [vec![3], address.to_be_bytes().to_vec(), vec![0, 1]].concat();
     let mut reply = Vec::new();
-    rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut reply);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .answer(now, &pdu, 0, &mut reply);
     (reply.first() == Some(&3)).then(|| u16::from_be_bytes([reply[2], reply[3]]))
 }
 
@@ -575,5 +875,8 @@ fn reads(rig: &mut Rig, address: u16) -> Option<u16> {
 fn send(rig: &mut Rig, address: u16, word: u16) {
     let now = rig.now;
     let pdu = crate::support::families::single(address, word);
-    rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut Vec::new());
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .answer(now, &pdu, 0, &mut Vec::new());
 }

@@ -6,22 +6,40 @@ use vfd_gateway::domain::command::{Direction, Outcome, Owner, Reason};
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::ids::Station;
 use vfd_gateway::gateway::{Input, Note};
-use vfd_gateway::journal::{Cause, Entry, Remembered, RememberedLease, RememberedStop, TripBaseline};
+use vfd_gateway::journal::{
+    Cause, Entry, Remembered, RememberedLease, RememberedStop, TripBaseline,
+};
 
 const RUN: u16 = 0x0002;
 
 fn leased(was_orphaned: bool) -> Remembered {
-    Remembered { lease: Some(RememberedLease { owner: Owner::Mqtt, was_orphaned }), ..Remembered::default() }
+    Remembered {
+        lease: Some(RememberedLease {
+            owner: Owner::Mqtt,
+            was_orphaned,
+        }),
+        ..Remembered::default()
+    }
 }
 
 fn stopped() -> Remembered {
-    Remembered { stop: Some(RememberedStop { coast: false }), ..Remembered::default() }
+    Remembered {
+        stop: Some(RememberedStop { coast: false }),
+        ..Remembered::default()
+    }
 }
 
 /// A drive that runs by an order from before the restart.
 fn running_with(on_commander_lost: FailSafe) -> Rig {
-    let settings = ControlSettings { on_commander_lost, ..control() };
-    let mut rig = Rig::new(&RigOptions { keeps: true, control: Some(settings), ..RigOptions::controlled() });
+    let settings = ControlSettings {
+        on_commander_lost,
+        ..control()
+    };
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        control: Some(settings),
+        ..RigOptions::controlled()
+    });
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
     rig.live(Duration::from_secs(12));
     assert_eq!(rig.output(1), 3000);
@@ -50,21 +68,44 @@ fn leases(rig: &Rig) -> Vec<Option<Owner>> {
 
 #[test]
 fn an_orphaned_lease_gives_its_owner_time_and_then_the_declared_action_runs() {
-    for (action, words) in [(FailSafe::Stop, &[0][..]), (FailSafe::Coast, &[3]), (FailSafe::Hold, &[])] {
+    for (action, words) in [
+        (FailSafe::Stop, &[0][..]),
+        (FailSafe::Coast, &[3]),
+        (FailSafe::Hold, &[]),
+    ] {
         let mut rig = running_with(action);
         rig.restart(leased(false));
         rig.pass(Duration::from_millis(2_900));
         assert_eq!(rig.writes().len(), 0, "its time is not over");
         let control = rig.view(0).control.unwrap();
-        assert_eq!((control.lease.unwrap().0, control.start_inhibited), (Owner::Mqtt, true));
-        assert_eq!(rig.commanded(plc(1), setpoint(2000)), (Outcome::Refused, Reason::OtherOwner));
+        assert_eq!(
+            (control.lease.unwrap().0, control.start_inhibited),
+            (Owner::Mqtt, true)
+        );
+        assert_eq!(
+            rig.commanded(plc(1), setpoint(2000)),
+            (Outcome::Refused, Reason::OtherOwner)
+        );
         rig.pass(Duration::from_millis(1_500));
         assert_eq!(rig.written(RUN), words, "{action:?}");
-        assert_eq!((failsafes(&rig), leases(&rig)), (vec![Cause::Orphaned], vec![None]));
-        let note = Note::Orphaned { owner: Owner::Mqtt, action };
-        assert!(rig.notes.iter().any(|(_, it)| *it == note), "{:?}", rig.notes);
+        assert_eq!(
+            (failsafes(&rig), leases(&rig)),
+            (vec![Cause::Orphaned], vec![None])
+        );
+        let note = Note::Orphaned {
+            owner: Owner::Mqtt,
+            action,
+        };
+        assert!(
+            rig.notes.iter().any(|(_, it)| *it == note),
+            "{:?}",
+            rig.notes
+        );
         rig.pass(Duration::from_secs(20));
-        assert_eq!(rig.output(1), if action == FailSafe::Hold { 3000 } else { 0 });
+        assert_eq!(
+            rig.output(1),
+            if action == FailSafe::Hold { 3000 } else { 0 }
+        );
     }
 }
 
@@ -77,9 +118,15 @@ fn its_owner_takes_an_orphaned_lease_up_by_a_sign_of_life() {
             rig.pass(Duration::from_secs(2));
         }
         rig.live(Duration::from_secs(10));
-        assert_eq!((rig.written(RUN), leases(&rig)), (vec![], vec![Some(Owner::Mqtt)]));
+        assert_eq!(
+            (rig.written(RUN), leases(&rig)),
+            (vec![], vec![Some(Owner::Mqtt)])
+        );
         rig.pass(Duration::from_secs(5));
-        assert_eq!((rig.written(RUN), failsafes(&rig)), (vec![0], vec![Cause::CommanderLost]));
+        assert_eq!(
+            (rig.written(RUN), failsafes(&rig)),
+            (vec![0], vec![Cause::CommanderLost])
+        );
     }
 }
 
@@ -88,7 +135,10 @@ fn in_a_crash_loop_the_declared_action_runs_at_once() {
     let mut rig = running();
     rig.restart(leased(true));
     rig.pass(Duration::from_millis(1_200));
-    assert_eq!((rig.written(RUN), failsafes(&rig)), (vec![0], vec![Cause::CrashLoop]));
+    assert_eq!(
+        (rig.written(RUN), failsafes(&rig)),
+        (vec![0], vec![Cause::CrashLoop])
+    );
     // An owner that returns before the drive is seen has not lost it.
     let mut rig = running();
     rig.restart(leased(true));
@@ -98,11 +148,21 @@ fn in_a_crash_loop_the_declared_action_runs_at_once() {
 
 #[test]
 fn a_lease_of_a_drive_that_is_found_at_standstill_is_over() {
-    let mut rig = Rig::new(&RigOptions { keeps: true, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        ..RigOptions::controlled()
+    });
     rig.restart(leased(false));
-    assert_eq!(rig.view(0).control.unwrap().lease.unwrap().0, Owner::Mqtt, "nobody else gets it before it is seen");
+    assert_eq!(
+        rig.view(0).control.unwrap().lease.unwrap().0,
+        Owner::Mqtt,
+        "nobody else gets it before it is seen"
+    );
     rig.pass(Duration::from_secs(1));
-    assert_eq!((leases(&rig), rig.view(0).control.unwrap().lease), (vec![None], None));
+    assert_eq!(
+        (leases(&rig), rig.view(0).control.unwrap().lease),
+        (vec![None], None)
+    );
     rig.pass(Duration::from_secs(10));
     assert_eq!((rig.writes().len(), failsafes(&rig)), (0, vec![]));
 }
@@ -113,7 +173,10 @@ fn a_drive_that_another_party_has_started_is_left_alone() {
     rig.restart(Remembered::default());
     rig.pass(Duration::from_secs(30));
     assert_eq!((rig.writes().len(), rig.output(1)), (0, 3000));
-    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, None)), (Outcome::Refused, Reason::StartInhibited));
+    assert_eq!(
+        rig.commanded(plc(1), run(Direction::Forward, None)),
+        (Outcome::Refused, Reason::StartInhibited)
+    );
 }
 
 #[test]
@@ -126,11 +189,19 @@ fn a_remembered_stop_is_sent_only_to_a_drive_that_runs() {
     assert_eq!(rig.written(RUN), [0]);
     rig.pass(Duration::from_secs(20));
     assert_eq!(rig.output(1), 0);
-    let over = |rig: &Rig| rig.entries().iter().any(|it| **it == Entry::StopOver { is_effective: true });
+    let over = |rig: &Rig| {
+        rig.entries()
+            .iter()
+            .any(|it| **it == Entry::StopOver { is_effective: true })
+    };
     assert!(over(&rig), "{:?}", rig.kept);
     rig.restart(stopped());
     rig.pass(Duration::from_secs(20));
-    assert_eq!((rig.writes().len(), over(&rig)), (0, true), "one that stands is not written to");
+    assert_eq!(
+        (rig.writes().len(), over(&rig)),
+        (0, true),
+        "one that stands is not written to"
+    );
 }
 
 #[test]
@@ -143,8 +214,15 @@ fn a_remembered_stop_of_a_drive_that_stays_away_is_dropped() {
     assert!(rig.view(0).control.unwrap().stop_pending);
     rig.pass(Duration::from_secs(20));
     assert!(!rig.view(0).control.unwrap().stop_pending);
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::StopDropped), "{:?}", rig.notes);
-    assert!(rig.entries().iter().any(|it| **it == Entry::StopOver { is_effective: false }));
+    assert!(
+        rig.notes.iter().any(|(_, note)| *note == Note::StopDropped),
+        "{:?}",
+        rig.notes
+    );
+    assert!(rig.entries().iter().any(|it| **it
+        == Entry::StopOver {
+            is_effective: false
+        }));
 }
 
 #[test]
@@ -156,15 +234,32 @@ fn a_trip_whose_row_was_lost_is_reported_once_more_and_a_kept_one_is_not() {
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 5);
         rig.pass(Duration::from_secs(3));
         let count = Some(u16::from(is_kept));
-        let trips = Some(TripBaseline { count, held: None, code: None });
-        rig.restart(Remembered { trips, trips_total: 7, last_code: Some(2), ..Remembered::default() });
+        let trips = Some(TripBaseline {
+            count,
+            held: None,
+            code: None,
+        });
+        rig.restart(Remembered {
+            trips,
+            trips_total: 7,
+            last_code: Some(2),
+            ..Remembered::default()
+        });
         assert_eq!(rig.view(0).trip_kept.total, 7);
         rig.pass(Duration::from_secs(5));
         rig.all_is_kept();
         let kept = rig.view(0).trip_kept;
-        let expected = if is_kept { (0, 7, Some(2)) } else { (1, 8, Some(5)) };
+        let expected = if is_kept {
+            (0, 7, Some(2))
+        } else {
+            (1, 8, Some(5))
+        };
         assert_eq!((rig.trips.len(), kept.total, kept.last_code), expected);
-        assert!(rig.trips.iter().all(|(_, event)| event.while_away), "{:?}", rig.trips);
+        assert!(
+            rig.trips.iter().all(|(_, event)| event.while_away),
+            "{:?}",
+            rig.trips
+        );
     }
 }
 
@@ -176,15 +271,24 @@ fn a_line_that_a_reload_brings_takes_a_plain_run_after_a_while_and_that_of_a_sta
         rig.setup.joins_late = joins_late;
         rig.restart(Remembered::default());
         rig.pass(Duration::from_millis(1_500));
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).1, reason);
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))).1,
+            reason
+        );
         rig.live(ControlSettings::RESTART_DELAY);
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+            Outcome::Acknowledged
+        );
     }
 }
 
 #[test]
 fn a_run_of_an_earlier_life_is_never_sent() {
-    let mut rig = Rig::new(&RigOptions { keeps: true, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        keeps: true,
+        ..RigOptions::controlled()
+    });
     rig.command(MQTT, 0, run(Direction::Forward, Some(3000)));
     rig.restart(leased(false));
     rig.core.handle(rig.now, Input::PathAlive(Owner::Mqtt));
@@ -203,5 +307,9 @@ fn a_stop_that_is_ordered_right_after_a_restart_waits_for_no_look() {
     rig.pass(Duration::from_millis(100));
     let first = rig.sent.first().expect("a frame");
     assert_eq!(first.pdu, [6, 0, 2, 0, 0]);
-    assert!(first.at.since(begun) < Duration::from_millis(10), "only the silence before a frame: {:?}", first.at);
+    assert!(
+        first.at.since(begun) < Duration::from_millis(10),
+        "only the silence before a frame: {:?}",
+        first.at
+    );
 }

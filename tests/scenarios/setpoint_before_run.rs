@@ -25,7 +25,12 @@ const UNSURE: &str = "teco-e510s";
 fn set_elsewhere(rig: &mut Rig, frequency_command: u16, centihertz: u16) {
     let now = rig.now;
     let pdu = single(frequency_command, centihertz);
-    assert!(rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut Vec::new()));
+    assert!(
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .answer(now, &pdu, 0, &mut Vec::new())
+    );
 }
 
 /// A fresh rig whose drive has shown its constants.
@@ -44,8 +49,18 @@ fn forward() -> Order {
 fn a_drive_without_a_setpoint_is_not_started() {
     for model in models() {
         let mut rig = fresh(&model.id);
-        assert_eq!(rig.commanded(MQTT, forward()), (Outcome::Refused, Reason::SetpointUnknown), "{}", model.id);
-        assert!(rig.writes().is_empty(), "{}: {:02X?}", model.id, rig.writes());
+        assert_eq!(
+            rig.commanded(MQTT, forward()),
+            (Outcome::Refused, Reason::SetpointUnknown),
+            "{}",
+            model.id
+        );
+        assert!(
+            rig.writes().is_empty(),
+            "{}: {:02X?}",
+            model.id,
+            rig.writes()
+        );
         rig.pass(SECOND * 2);
         assert_eq!(rig.output(1), 0, "{}", model.id);
     }
@@ -57,8 +72,18 @@ fn a_setting_outside_the_limits_is_refused_with_an_alarm() {
         for outside in [400, 5500] {
             let mut rig = fresh(id);
             set_elsewhere(&mut rig, *frequency, outside);
-            assert_eq!(rig.commanded(MQTT, forward()), (Outcome::Refused, Reason::SetpointUnknown), "{id}");
-            assert!(rig.notes.iter().any(|(_, note)| *note == Note::SetpointOutside), "{id}: {:?}", rig.notes);
+            assert_eq!(
+                rig.commanded(MQTT, forward()),
+                (Outcome::Refused, Reason::SetpointUnknown),
+                "{id}"
+            );
+            assert!(
+                rig.notes
+                    .iter()
+                    .any(|(_, note)| *note == Note::SetpointOutside),
+                "{id}: {:?}",
+                rig.notes
+            );
             assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
         }
     }
@@ -70,11 +95,23 @@ fn a_setting_within_the_limits_is_read_right_before_run() {
         let mut rig = fresh(id);
         set_elsewhere(&mut rig, *frequency, 2500);
         let told = rig.commanded(MQTT, forward());
-        assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {told:?}");
-        assert_eq!(rig.writes(), [single(*command, *word)], "{id}: the setpoint is not written again");
+        assert!(
+            matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged),
+            "{id}: {told:?}"
+        );
+        assert_eq!(
+            rig.writes(),
+            [single(*command, *word)],
+            "{id}: the setpoint is not written again"
+        );
         let run = rig.sent.iter().position(|sent| sent.pdu[0] == 6).unwrap();
         let before = &rig.sent[run - 1];
-        assert_eq!(before.pdu[..3], [3, (setting >> 8) as u8, (setting & 0xFF) as u8], "{id}: {:02X?}", before.pdu);
+        assert_eq!(
+            before.pdu[..3],
+            [3, (setting >> 8) as u8, (setting & 0xFF) as u8],
+            "{id}: {:02X?}",
+            before.pdu
+        );
         rig.live(SECOND * 8);
         assert_eq!(rig.output(1), 2500, "{id}");
     }
@@ -84,10 +121,18 @@ fn a_setting_within_the_limits_is_read_right_before_run() {
 fn a_setting_that_has_changed_since_it_was_accepted_is_the_one_that_counts() {
     for (id, _, frequency, ..) in SHOWING {
         let mut rig = fresh(id);
-        assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed, "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, setpoint(3000)).0,
+            Outcome::Confirmed,
+            "{id}"
+        );
         set_elsewhere(&mut rig, *frequency, 0);
         rig.sent.clear();
-        assert_eq!(rig.commanded(MQTT, forward()), (Outcome::Refused, Reason::SetpointUnknown), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, forward()),
+            (Outcome::Refused, Reason::SetpointUnknown),
+            "{id}"
+        );
         assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
     }
 }
@@ -96,7 +141,11 @@ fn a_setting_that_has_changed_since_it_was_accepted_is_the_one_that_counts() {
 fn a_drive_whose_setting_cannot_be_relied_on_gets_the_last_one_with_each_run() {
     let mut rig = fresh(UNSURE);
     set_elsewhere(&mut rig, 0x2502, 2500);
-    assert_eq!(rig.commanded(MQTT, forward()), (Outcome::Refused, Reason::SetpointUnknown), "none came through here");
+    assert_eq!(
+        rig.commanded(MQTT, forward()),
+        (Outcome::Refused, Reason::SetpointUnknown),
+        "none came through here"
+    );
     assert!(rig.writes().is_empty());
     assert_eq!(rig.commanded(MQTT, setpoint(3000)).0, Outcome::Confirmed);
     let with_run = [vec![6, 0x25, 0x02, 0x0B, 0xB8], vec![6, 0x25, 0x01, 0, 1]];
@@ -117,7 +166,11 @@ fn a_drive_whose_setting_cannot_be_relied_on_gets_the_last_one_with_each_run() {
     rig.bus.set_powered(now, Station(1), true);
     rig.live(SECOND * 45);
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, forward()).0, Outcome::Confirmed, "also after the drive was without power");
+    assert_eq!(
+        rig.commanded(MQTT, forward()).0,
+        Outcome::Confirmed,
+        "also after the drive was without power"
+    );
     assert_eq!(rig.writes(), with_run);
 }
 
@@ -144,9 +197,20 @@ fn a_drive_that_forgets_its_setpoint_in_a_reset_or_without_power_is_not_started_
             rig.live(SECOND * 3);
             rig.sent.clear();
             let told = rig.commanded(MQTT, forward());
-            assert_eq!(told, (Outcome::Refused, Reason::SetpointUnknown), "{id}, power {by_power}");
-            assert!(rig.writes().is_empty(), "{id}: what the drive has forgotten is not written again by itself");
-            assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed, "{id}");
+            assert_eq!(
+                told,
+                (Outcome::Refused, Reason::SetpointUnknown),
+                "{id}, power {by_power}"
+            );
+            assert!(
+                rig.writes().is_empty(),
+                "{id}: what the drive has forgotten is not written again by itself"
+            );
+            assert_eq!(
+                rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+                Outcome::Confirmed,
+                "{id}"
+            );
         }
     }
 }
@@ -154,7 +218,10 @@ fn a_drive_that_forgets_its_setpoint_in_a_reset_or_without_power_is_not_started_
 /// Forward at 30 Hz is ordered.
 fn is_taken(rig: &mut Rig, by: Origin) {
     let (outcome, reason) = rig.commanded(by, run(Direction::Forward, Some(3000)));
-    assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{outcome:?} {reason:?}");
+    assert!(
+        matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+        "{outcome:?} {reason:?}"
+    );
 }
 
 #[test]
@@ -176,7 +243,10 @@ fn a_controller_that_repeats_its_setpoint_runs_at_that_whatever_was_set_while_th
             is_taken(&mut rig, plc);
             // Alone before the order to run, or in one block with it.
             let written = rig.writes();
-            assert!(written[0].ends_with(&3000_u16.to_be_bytes()), "{id}: {written:02X?}");
+            assert!(
+                written[0].ends_with(&3000_u16.to_be_bytes()),
+                "{id}: {written:02X?}"
+            );
             for _ in 0..10 {
                 is_taken(&mut rig, plc);
                 rig.pass(SECOND);

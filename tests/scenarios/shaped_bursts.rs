@@ -23,7 +23,10 @@ const fn ms(millis: u64) -> Duration {
 }
 
 fn options(turnaround: Duration) -> RigOptions {
-    let mut options = RigOptions { poll: Duration::from_secs(1), ..RigOptions::default() };
+    let mut options = RigOptions {
+        poll: Duration::from_secs(1),
+        ..RigOptions::default()
+    };
     options.bus.turnaround = turnaround;
     options
 }
@@ -49,7 +52,11 @@ fn walk(rig: &mut Rig, time: Duration, mut on_frame: impl FnMut(&mut Rig, u64)) 
                 NativeOutcome::Words(words) => {
                     let expected = rig.proof(answer.ticket);
                     let is_right = words.iter().all(|word| *word == expected);
-                    *(if is_right { &mut walked.right } else { &mut walked.wrong }) += 1;
+                    *(if is_right {
+                        &mut walked.right
+                    } else {
+                        &mut walked.wrong
+                    }) += 1;
                 }
                 _ => walked.none += 1,
             }
@@ -61,7 +68,11 @@ fn walk(rig: &mut Rig, time: Duration, mut on_frame: impl FnMut(&mut Rig, u64)) 
 
 /// When the last character of the frame being sent has left.
 fn sent_until(rig: &Rig) -> MonoTime {
-    rig.now + rig.setup.timing.on_wire(rig.sent.last().expect("a frame").frame.len())
+    rig.now
+        + rig
+            .setup
+            .timing
+            .on_wire(rig.sent.last().expect("a frame").frame.len())
 }
 
 #[test]
@@ -72,7 +83,8 @@ fn a_burst_shaped_like_the_reply_shifts_no_answer() {
         let is_proof = rig.sent.last().is_some_and(|sent| sent.pdu[1] == 0x30);
         if bursts == 0 && is_proof {
             bursts += 1;
-            rig.bus.speak(sent_until(rig), &[1, 3, 2, 0x12, 0x34, 0x56, 0x78]);
+            rig.bus
+                .speak(sent_until(rig), &[1, 3, 2, 0x12, 0x34, 0x56, 0x78]);
         }
     });
     assert_eq!((walked.wrong, bursts), (0, 1), "{walked:?}");
@@ -96,45 +108,75 @@ fn two_drives_of_one_number_are_reported_and_shift_no_answer_for_long() {
         let mut rig = Rig::new(&options(ms(2)));
         let walked = walk(&mut rig, Duration::from_secs(60), |rig, _| {
             let second = rig.bus.newest_reply().to_vec();
-            let begins = sent_until(rig) + ms(2) + rig.setup.timing.on_wire(second.len()) + ms(delay);
+            let begins =
+                sent_until(rig) + ms(2) + rig.setup.timing.on_wire(second.len()) + ms(delay);
             rig.bus.speak(begins, &second);
         });
         assert!(walked.wrong <= 2, "{delay} ms: {walked:?}");
         assert!(walked.right > 100, "{delay} ms: {walked:?}");
-        assert_eq!(rig.core.report().suspicion, Some(Suspicion::DuplicateStation(Station(1))), "{delay} ms");
+        assert_eq!(
+            rig.core.report().suspicion,
+            Some(Suspicion::DuplicateStation(Station(1))),
+            "{delay} ms"
+        );
     }
 }
 
 #[test]
 fn replies_beyond_the_longest_lateness_are_reported_learned_and_make_no_trip() {
     for seed in 0..3 {
-        let mut rig = Rig::new(&RigOptions { seed, ..options(ms(2)) });
+        let mut rig = Rig::new(&RigOptions {
+            seed,
+            ..options(ms(2))
+        });
         rig.bus.set_faults("beyond=50".parse().expect("a plan"));
         let mut was_suspected = false;
         let walked = walk(&mut rig, Duration::from_secs(600), |rig, _| {
-            was_suspected |= rig.core.report().suspicion == Some(Suspicion::LateBeyondLimit(Station(1)));
+            was_suspected |=
+                rig.core.report().suspicion == Some(Suspicion::LateBeyondLimit(Station(1)));
         });
         // Until the latest reply was seen, one may be mistaken; never two in a row.
-        assert!(walked.wrong <= 3 && walked.right > 500, "{seed}: {walked:?}");
-        assert!(was_suspected && rig.trips.is_empty(), "{seed}: {:?}", rig.trips);
+        assert!(
+            walked.wrong <= 3 && walked.right > 500,
+            "{seed}: {walked:?}"
+        );
+        assert!(
+            was_suspected && rig.trips.is_empty(),
+            "{seed}: {:?}",
+            rig.trips
+        );
     }
 }
 
 #[test]
 fn two_drives_of_one_number_make_no_trip() {
     for seed in 0..3 {
-        let mut rig = Rig::new(&RigOptions { seed, ..RigOptions::controlled() });
+        let mut rig = Rig::new(&RigOptions {
+            seed,
+            ..RigOptions::controlled()
+        });
         rig.bus.set_faults("twin=1000".parse().expect("a plan"));
         rig.pass(Duration::from_secs(120));
         assert!(rig.trips.is_empty(), "{seed}: {:?}", rig.trips);
-        assert_eq!(rig.core.report().suspicion, Some(Suspicion::DuplicateStation(Station(1))));
+        assert_eq!(
+            rig.core.report().suspicion,
+            Some(Suspicion::DuplicateStation(Station(1)))
+        );
         assert!(rig.view(0).is_online());
         // A stop waits for none of that.
         let begun = rig.now;
         rig.command(plc(1), 0, STOP);
         rig.pass(Duration::from_secs(1));
-        let first = rig.sent.iter().find(|sent| sent.at >= begun && sent.pdu[0] == 6).expect("a stop");
-        assert!(first.at.since(begun) < ms(40), "{:?}", first.at.since(begun));
+        let first = rig
+            .sent
+            .iter()
+            .find(|sent| sent.at >= begun && sent.pdu[0] == 6)
+            .expect("a stop");
+        assert!(
+            first.at.since(begun) < ms(40),
+            "{:?}",
+            first.at.since(begun)
+        );
     }
 }
 
@@ -142,34 +184,68 @@ fn two_drives_of_one_number_make_no_trip() {
 #[test]
 fn a_stop_ends_the_wait_for_the_reply_after_a_burst() {
     for drive in 0..2 {
-        let mut options = RigOptions { drives: 2, poll: Duration::from_secs(3600), ..RigOptions::controlled() };
+        let mut options = RigOptions {
+            drives: 2,
+            poll: Duration::from_secs(3600),
+            ..RigOptions::controlled()
+        };
         options.bus.turnaround = ms(60);
         let mut rig = Rig::new(&options);
         let read = rig.read(1, 0, PROOF, 1);
         let request_end = sent_until(&rig);
-        rig.bus.speak(request_end, &[1, 3, 2, 0x12, 0x34, 0x56, 0x78]);
+        rig.bus
+            .speak(request_end, &[1, 3, 2, 0x12, 0x34, 0x56, 0x78]);
         let stop = rig.command(plc(1), drive, STOP);
         rig.pass(ms(50));
         let burst = rig.setup.timing.on_wire(7) + rig.setup.timing.silence;
-        let stops: Vec<_> = rig.sent.iter().filter(|sent| sent.pdu[0] == 6).map(|sent| sent.at).collect();
-        assert!(stops.first().is_some_and(|at| at.since(request_end) <= burst + ms(1)), "{drive}: {stops:?}");
+        let stops: Vec<_> = rig
+            .sent
+            .iter()
+            .filter(|sent| sent.pdu[0] == 6)
+            .map(|sent| sent.at)
+            .collect();
+        assert!(
+            stops
+                .first()
+                .is_some_and(|at| at.since(request_end) <= burst + ms(1)),
+            "{drive}: {stops:?}"
+        );
         // The read's own reply arrives after the stop, and is not mistaken for anything else.
-        assert_eq!(rig.answer_to(read), NativeOutcome::Words([read_proof(&rig)].into()), "{drive}");
+        assert_eq!(
+            rig.answer_to(read),
+            NativeOutcome::Words([read_proof(&rig)].into()),
+            "{drive}"
+        );
         assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed, "{drive}");
     }
 }
 
 /// The number of the newest exchange in which proof words were read.
 fn read_proof(rig: &Rig) -> u16 {
-    rig.sent.iter().rev().find(|sent| sent.pdu[1] == 0x30).expect("a read").proof
+    rig.sent
+        .iter()
+        .rev()
+        .find(|sent| sent.pdu[1] == 0x30)
+        .expect("a read")
+        .proof
 }
 
 #[test]
 fn a_write_after_a_burst_is_not_sent_again() {
-    let mut options = RigOptions { poll: Duration::from_secs(3600), ..RigOptions::controlled() };
+    let mut options = RigOptions {
+        poll: Duration::from_secs(3600),
+        ..RigOptions::controlled()
+    };
     options.bus.turnaround = ms(20);
     let mut rig = Rig::new(&options);
-    let write = rig.ask(1, 0, NativeAsk::Write { address: 0x020C_u16.into(), values: vec![7] });
+    let write = rig.ask(
+        1,
+        0,
+        NativeAsk::Write {
+            address: 0x020C_u16.into(),
+            values: vec![7],
+        },
+    );
     while !rig.sent.iter().any(|sent| sent.pdu[0] == 6) {
         rig.step(rig.now + ms(100));
     }

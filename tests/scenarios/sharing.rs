@@ -10,7 +10,10 @@ use vfd_gateway::wire::pdu::MAX_READ_WORDS;
 
 /// Clients that read `drives` drives in turn, each waiting for its answer; right answers per client in 60 s.
 fn walks(clients: u64, drives: u16, dead: Option<u8>) -> HashMap<AskerId, u32> {
-    let mut rig = Rig::new(&RigOptions { drives: drives as u8, ..RigOptions::default() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: drives as u8,
+        ..RigOptions::default()
+    });
     rig.keeps_sent = false;
     if let Some(station) = dead {
         rig.bus.set_powered(rig.now, Station(station), false);
@@ -41,7 +44,10 @@ fn twenty_clients_get_what_one_alone_gets() {
     let together = walks(20, 8, None);
     assert_eq!(together.len(), 20);
     for (client, right) in together {
-        assert!(f64::from(right) >= 0.9 * alone, "{client:?}: {right} of {alone}");
+        assert!(
+            f64::from(right) >= 0.9 * alone,
+            "{client:?}: {right} of {alone}"
+        );
     }
 }
 
@@ -56,12 +62,22 @@ fn a_dead_drive_costs_the_others_little() {
 fn a_long_read_goes_in_frames_that_the_drive_takes() {
     let mut rig = Rig::new(&RigOptions::default());
     let ticket = rig.read(1, 0, PROOF, 20);
-    let NativeOutcome::Words(words) = rig.answer_to(ticket) else { panic!("no words") };
+    let NativeOutcome::Words(words) = rig.answer_to(ticket) else {
+        panic!("no words")
+    };
     assert_eq!(words.len(), 20);
-    let asked: Vec<_> = rig.sent.iter().map(|sent| (sent.frame[3], sent.frame[5])).collect();
+    let asked: Vec<_> = rig
+        .sent
+        .iter()
+        .map(|sent| (sent.frame[3], sent.frame[5]))
+        .collect();
     assert_eq!(asked, [(0, 8), (8, 8), (16, 4)]);
     let proofs: Vec<u16> = rig.sent.iter().map(|sent| sent.proof).collect();
-    let expected: Vec<u16> = proofs.iter().zip([8, 8, 4]).flat_map(|(proof, n)| vec![*proof; n]).collect();
+    let expected: Vec<u16> = proofs
+        .iter()
+        .zip([8, 8, 4])
+        .flat_map(|(proof, n)| vec![*proof; n])
+        .collect();
     assert_eq!(words.to_vec(), expected);
 }
 
@@ -74,8 +90,15 @@ fn the_longest_read_is_sixteen_frames_and_no_more() {
     // Across a group boundary one more frame would be needed.
     let begun = rig.sent.len();
     let crossing = rig.read(1, 0, PROOF + 0x00FC, MAX_READ_WORDS);
-    assert_eq!(rig.answer_to(crossing), NativeOutcome::Refused(Refusal::TooManyFrames));
-    assert_eq!(rig.sent.len(), begun, "a refused request puts nothing on the line");
+    assert_eq!(
+        rig.answer_to(crossing),
+        NativeOutcome::Refused(Refusal::TooManyFrames)
+    );
+    assert_eq!(
+        rig.sent.len(),
+        begun,
+        "a refused request puts nothing on the line"
+    );
 }
 
 #[test]
@@ -85,15 +108,35 @@ fn a_long_read_that_failed_is_not_gone_on_with() {
     let ticket = rig.read(1, 0, PROOF, 20);
     assert_eq!(rig.answer_to(ticket), NativeOutcome::NoReply);
     rig.run_until(rig.now + Duration::from_secs(3), |_, _| {});
-    assert_eq!(rig.sent.len(), 1, "nobody waits for the other frames: {:02X?}", rig.frames());
+    assert_eq!(
+        rig.sent.len(),
+        1,
+        "nobody waits for the other frames: {:02X?}",
+        rig.frames()
+    );
 }
 
 #[test]
 fn writes_are_refused_and_put_nothing_on_the_line() {
     let mut rig = Rig::new(&RigOptions::default());
-    for (address, values) in [(0x0002, vec![1]), (0x0002, vec![0]), (0x020C, vec![100]), (0x0004, vec![1, 2])] {
-        let ticket = rig.ask(1, 0, NativeAsk::Write { address: address.into(), values });
-        assert_eq!(rig.answer_to(ticket), NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)));
+    for (address, values) in [
+        (0x0002, vec![1]),
+        (0x0002, vec![0]),
+        (0x020C, vec![100]),
+        (0x0004, vec![1, 2]),
+    ] {
+        let ticket = rig.ask(
+            1,
+            0,
+            NativeAsk::Write {
+                address: address.into(),
+                values,
+            },
+        );
+        assert_eq!(
+            rig.answer_to(ticket),
+            NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly))
+        );
     }
     assert!(rig.frames().is_empty());
 }
@@ -101,7 +144,10 @@ fn writes_are_refused_and_put_nothing_on_the_line() {
 #[test]
 fn setpoints_without_end_leave_others_a_turn_between_any_two() {
     const FREQUENCY: u16 = 0x0004;
-    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 2,
+        ..RigOptions::controlled()
+    });
     rig.commanded(plc(1), STOP);
     rig.pass(Duration::from_secs(1));
     rig.sent.clear();
@@ -120,8 +166,15 @@ fn setpoints_without_end_leave_others_a_turn_between_any_two() {
     let all = rig.sent.len();
     let written = rig.written(FREQUENCY).len();
     // Each is written and read back, and then others have a turn: overdue polls, at most three in a row.
-    assert!((all / 4..=all / 3 + 1).contains(&written), "{written} setpoints in {all} exchanges");
+    assert!(
+        (all / 4..=all / 3 + 1).contains(&written),
+        "{written} setpoints in {all} exchanges"
+    );
     assert!(reads >= all / 13, "{reads} reads in {all} exchanges");
     rig.pass(Duration::from_secs(1));
-    assert_eq!(rig.written(FREQUENCY).last(), Some(&newest), "the newest wins");
+    assert_eq!(
+        rig.written(FREQUENCY).last(),
+        Some(&newest),
+        "the newest wins"
+    );
 }

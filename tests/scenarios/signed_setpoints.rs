@@ -39,8 +39,14 @@ fn running(direction: Direction) -> Rig {
 #[test]
 fn run_sends_the_setpoint_with_its_sign_before_the_run_word() {
     let mut rig = ready(&signed());
-    assert_eq!(rig.commanded(MQTT, run(Direction::Reverse, Some(3000))), DONE);
-    assert_eq!(rig.writes(), [single(SETPOINT, word(-3000)), single(RUN, 1)]);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Reverse, Some(3000))),
+        DONE
+    );
+    assert_eq!(
+        rig.writes(),
+        [single(SETPOINT, word(-3000)), single(RUN, 1)]
+    );
     rig.live(SECOND * 15);
     let view = rig.view(0);
     assert_eq!((rig.output(1), view.run_state), (-3000, RunState::Reverse));
@@ -49,7 +55,11 @@ fn run_sends_the_setpoint_with_its_sign_before_the_run_word() {
         let register = model.registers.iter().find(|it| it.name == name).unwrap();
         view.snapshot.value(register).map(|it| it.value.to_string())
     };
-    assert_eq!(shown("output_frequency").as_deref(), Some("30.00"), "a magnitude");
+    assert_eq!(
+        shown("output_frequency").as_deref(),
+        Some("30.00"),
+        "a magnitude"
+    );
     assert_eq!(view.control.unwrap().setpoint.unwrap().to_string(), "30.00");
     rig.sent.clear();
     assert_eq!(rig.commanded(MQTT, STOP), DONE);
@@ -60,7 +70,10 @@ fn run_sends_the_setpoint_with_its_sign_before_the_run_word() {
     assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), DONE);
     assert_eq!(rig.writes(), [single(SETPOINT, word(3000)), single(RUN, 1)]);
     rig.live(SECOND * 15);
-    assert_eq!((rig.output(1), rig.view(0).run_state), (3000, RunState::Forward));
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (3000, RunState::Forward)
+    );
 }
 
 #[test]
@@ -71,24 +84,39 @@ fn a_setpoint_alone_keeps_the_direction() {
         assert_eq!(rig.writes(), [single(SETPOINT, word(sign * 2000))]);
         rig.live(SECOND * 15);
         assert_eq!(rig.output(1), i64::from(sign) * 2000);
-        assert_eq!(rig.commanded(MQTT, setpoint(6500)), (Outcome::Refused, Reason::OutsideLimits));
+        assert_eq!(
+            rig.commanded(MQTT, setpoint(6500)),
+            (Outcome::Refused, Reason::OutsideLimits)
+        );
     }
 }
 
 #[test]
 fn a_reversal_is_refused_while_the_motor_turns_and_writes_nothing() {
-    for (direction, other) in [(Direction::Forward, Direction::Reverse), (Direction::Reverse, Direction::Forward)] {
+    for (direction, other) in [
+        (Direction::Forward, Direction::Reverse),
+        (Direction::Reverse, Direction::Forward),
+    ] {
         let mut rig = running(direction);
-        assert_eq!(rig.commanded(MQTT, run(other, Some(2000))), (Outcome::Refused, Reason::Reversal));
+        assert_eq!(
+            rig.commanded(MQTT, run(other, Some(2000))),
+            (Outcome::Refused, Reason::Reversal)
+        );
         assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
     }
-    let forward = ControlSettings { directions: vec![Direction::Forward], ..accepting() };
+    let forward = ControlSettings {
+        directions: vec![Direction::Forward],
+        ..accepting()
+    };
     let mut rig = rig_of(&signed(), forward);
     rig.commanded(MQTT, STOP);
     rig.live(SECOND * 3);
     rig.sent.clear();
     let order = run(Direction::Reverse, Some(2000));
-    assert_eq!(rig.commanded(MQTT, order), (Outcome::Refused, Reason::DirectionNotAllowed));
+    assert_eq!(
+        rig.commanded(MQTT, order),
+        (Outcome::Refused, Reason::DirectionNotAllowed)
+    );
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
 }
 
@@ -103,22 +131,46 @@ fn a_native_word_is_an_order_only_with_the_sign_in_force() {
         (RUN, &[1, word(-6500)][..], Reason::OutsideLimits),
     ];
     for (address, values, reason) in cases {
-        assert_eq!(write(&mut rig, address, values), refused(reason), "{address:04X} {values:?}");
+        assert_eq!(
+            write(&mut rig, address, values),
+            refused(reason),
+            "{address:04X} {values:?}"
+        );
     }
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
-    assert_eq!(write(&mut rig, RUN, &[0, word(-3000)]), NativeOutcome::Written, "a stop");
+    assert_eq!(
+        write(&mut rig, RUN, &[0, word(-3000)]),
+        NativeOutcome::Written,
+        "a stop"
+    );
     rig.live(SECOND * 3);
     rig.sent.clear();
-    assert_eq!(write(&mut rig, RUN, &[1, word(-3000)]), NativeOutcome::Written);
-    assert_eq!(rig.writes(), [single(SETPOINT, word(-3000)), single(RUN, 1)]);
+    assert_eq!(
+        write(&mut rig, RUN, &[1, word(-3000)]),
+        NativeOutcome::Written
+    );
+    assert_eq!(
+        rig.writes(),
+        [single(SETPOINT, word(-3000)), single(RUN, 1)]
+    );
     // Within the lease of the order: its end would stop the motor.
     rig.pass(SECOND * 2);
     assert!(rig.output(1) < 0, "{}", rig.output(1));
     rig.sent.clear();
-    assert_eq!(write(&mut rig, SETPOINT, &[word(3000)]), refused(Reason::SignUnknown), "it would turn the motor round");
-    assert_eq!(write(&mut rig, RUN, &[1, word(3000)]), refused(Reason::Reversal));
+    assert_eq!(
+        write(&mut rig, SETPOINT, &[word(3000)]),
+        refused(Reason::SignUnknown),
+        "it would turn the motor round"
+    );
+    assert_eq!(
+        write(&mut rig, RUN, &[1, word(3000)]),
+        refused(Reason::Reversal)
+    );
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
-    assert_eq!(write(&mut rig, SETPOINT, &[word(-2000)]), NativeOutcome::Written);
+    assert_eq!(
+        write(&mut rig, SETPOINT, &[word(-2000)]),
+        NativeOutcome::Written
+    );
     assert_eq!(rig.writes(), [single(SETPOINT, word(-2000))]);
 }
 
@@ -131,15 +183,24 @@ fn a_motor_that_was_started_elsewhere_gets_no_setpoint_without_a_direction() {
         assert!(drive.answer(now, &request, 0, &mut Vec::new()));
     }
     rig.live(SECOND * 15);
-    assert_eq!((rig.output(1), rig.view(0).run_state), (-3000, RunState::Reverse));
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (-3000, RunState::Reverse)
+    );
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, setpoint(2000)), (Outcome::Refused, Reason::SignUnknown));
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(2000)),
+        (Outcome::Refused, Reason::SignUnknown)
+    );
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
 }
 
 #[test]
 fn a_setpoint_beside_a_wired_run_leaves_the_direction_to_the_wiring() {
-    let control = ControlSettings { bus: BusFunctions::Frequency, ..accepting() };
+    let control = ControlSettings {
+        bus: BusFunctions::Frequency,
+        ..accepting()
+    };
     let mut rig = rig_of(&signed(), control);
     rig.live(SECOND * 3);
     rig.sent.clear();
@@ -149,25 +210,48 @@ fn a_setpoint_beside_a_wired_run_leaves_the_direction_to_the_wiring() {
 
 #[test]
 fn a_reversal_whose_setpoint_was_not_answered_is_no_run_forward() {
-    let control =
-        ControlSettings { reverse_below: vfd_gateway::domain::frequency::Hertz::from_centihertz(6000), ..accepting() };
+    let control = ControlSettings {
+        reverse_below: vfd_gateway::domain::frequency::Hertz::from_centihertz(6000),
+        ..accepting()
+    };
     let mut rig = Rig::new(&options_of(&signed(), control));
     rig.commanded(MQTT, STOP);
     rig.live(SECOND * 3);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), DONE);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        DONE
+    );
     rig.live(SECOND * 15);
     rig.sent.clear();
     // The setpoint is lost on its way: the drive goes on forward, which nobody knows yet.
     rig.swallows = Some(single(SETPOINT, word(-2000)));
     let (outcome, _) = rig.commanded(MQTT, run(Direction::Reverse, Some(2000)));
     assert_eq!(outcome, Outcome::Failed);
-    assert!(rig.writes().iter().all(|pdu| *pdu == single(SETPOINT, word(-2000))), "no run word: {:?}", rig.writes());
+    assert!(
+        rig.writes()
+            .iter()
+            .all(|pdu| *pdu == single(SETPOINT, word(-2000))),
+        "no run word: {:?}",
+        rig.writes()
+    );
     let intent = rig.view(0).control.unwrap().intent;
-    assert_eq!(intent, RunIntent::Run(Direction::Reverse), "the drive may have taken it");
+    assert_eq!(
+        intent,
+        RunIntent::Run(Direction::Reverse),
+        "the drive may have taken it"
+    );
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, setpoint(2500)), (Outcome::Refused, Reason::SignUnknown), "it turns forward");
+    assert_eq!(
+        rig.commanded(MQTT, setpoint(2500)),
+        (Outcome::Refused, Reason::SignUnknown),
+        "it turns forward"
+    );
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
     rig.swallows = None;
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2500))), DONE, "the next order is whole");
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(2500))),
+        DONE,
+        "the next order is whole"
+    );
     assert_eq!(rig.writes(), [single(SETPOINT, word(2500)), single(RUN, 1)]);
 }

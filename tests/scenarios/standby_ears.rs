@@ -11,9 +11,16 @@ use vfd_gateway::gateway::Input;
 const SECOND: Duration = Duration::from_secs(1);
 
 fn running() -> Pair {
-    let settings = ControlSettings { on_gateway_lost: Some(OnGatewayLost::Stop), ..control() };
+    let settings = ControlSettings {
+        on_gateway_lost: Some(OnGatewayLost::Stop),
+        ..control()
+    };
     let poll = Duration::from_millis(250);
-    let mut pair = Pair::running(&RigOptions { control: Some(settings), poll, ..RigOptions::controlled() });
+    let mut pair = Pair::running(&RigOptions {
+        control: Some(settings),
+        poll,
+        ..RigOptions::controlled()
+    });
     pair.command(0, MQTT, 0, run(Direction::Forward, Some(3000)));
     for _ in 0..12 {
         pair.tell(0, Input::PathAlive(MQTT.owner));
@@ -47,7 +54,9 @@ fn a_deaf_listener_leaves_the_line_to_the_healthy_one() {
 fn the_healthy_one_takes_over_from_an_active_one_that_is_deaf() {
     let mut pair = running();
     pair.halves[0].is_deaf = true;
-    let took = pair.until(SECOND * 20, |pair| pair.role(1) == LineRole::Active).expect("it takes over");
+    let took = pair
+        .until(SECOND * 20, |pair| pair.role(1) == LineRole::Active)
+        .expect("it takes over");
     assert!(took <= SECOND * 8, "{took:?}");
     pair.pass(SECOND * 8);
     assert_eq!(pair.output(1), 0, "what is declared is done");
@@ -78,7 +87,10 @@ fn a_listener_at_the_wrong_speed_never_breaks_in() {
     for _ in 0..60 {
         pair.tell(0, Input::PathAlive(MQTT.owner));
         pair.pass(SECOND);
-        assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
+        assert_eq!(
+            [pair.role(0), pair.role(1)],
+            [LineRole::Active, LineRole::Listening]
+        );
     }
     assert_eq!(pair.output(1), 3000);
     assert!(pair.core(1).report().standby.unwrap().trouble.is_deaf);

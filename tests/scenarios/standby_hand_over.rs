@@ -14,9 +14,17 @@ use vfd_gateway::gateway::{DriveSetup, Input, Note};
 const SECOND: Duration = Duration::from_secs(1);
 
 fn options(id: &str) -> RigOptions {
-    let settings = ControlSettings { on_gateway_lost: Some(OnGatewayLost::Stop), ..control() };
+    let settings = ControlSettings {
+        on_gateway_lost: Some(OnGatewayLost::Stop),
+        ..control()
+    };
     let poll = Duration::from_millis(250);
-    RigOptions { control: Some(settings), poll, model: model(id), ..RigOptions::controlled() }
+    RigOptions {
+        control: Some(settings),
+        poll,
+        model: model(id),
+        ..RigOptions::controlled()
+    }
 }
 
 /// The listener of these models cannot read the direction from the drive.
@@ -38,7 +46,11 @@ fn a_line_is_handed_over_without_a_stop_to_a_listener_that_was_started_after_the
             alive(&mut pair);
             let asked = pair.now;
             pair.tell(0, Input::Yield);
-            assert!(pair.until(SECOND * 2, |pair| pair.role(1) == LineRole::Active).is_some(), "{id}");
+            assert!(
+                pair.until(SECOND * 2, |pair| pair.role(1) == LineRole::Active)
+                    .is_some(),
+                "{id}"
+            );
             for _ in 0..10 {
                 pair.command(1, ORIGIN, 0, run(direction, Some(3000)));
                 pair.pass(SECOND);
@@ -46,7 +58,10 @@ fn a_line_is_handed_over_without_a_stop_to_a_listener_that_was_started_after_the
             assert_eq!(pair.output(1).abs(), 3000, "{id} {direction:?}");
             // Its client sends the setpoint again, which the drive holds.
             let writes = |sent: &&Sent| sent.at >= asked && matches!(sent.pdu[0], 6 | 16);
-            assert!(pair.sent.iter().filter(writes).count() <= 1, "{id} {direction:?}: no order was sent");
+            assert!(
+                pair.sent.iter().filter(writes).count() <= 1,
+                "{id} {direction:?}: no order was sent"
+            );
         }
     }
 }
@@ -66,8 +81,14 @@ fn a_line_is_not_handed_over_to_a_listener_that_would_stop_a_drive_that_runs() {
     assert_eq!(pair.output(1), 3000);
     pair.tell(0, Input::Yield);
     pair.pass(SECOND * 10);
-    assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
-    let told = pair.halves[1].notes.iter().filter(|(_, note)| *note == Note::HandOverRefused);
+    assert_eq!(
+        [pair.role(0), pair.role(1)],
+        [LineRole::Active, LineRole::Listening]
+    );
+    let told = pair.halves[1]
+        .notes
+        .iter()
+        .filter(|(_, note)| *note == Note::HandOverRefused);
     assert_eq!((told.count(), pair.output(1)), (1, 3000));
 }
 
@@ -85,35 +106,75 @@ fn is_told(of: &RigOptions, change: impl Fn(&mut DriveSetup)) -> bool {
 fn what_makes_a_difference_to_the_motor_is_compared_and_nothing_else() {
     let settings = |directions: [Direction; 2]| {
         let directions = directions.to_vec();
-        ControlSettings { directions, on_gateway_lost: Some(OnGatewayLost::Stop), ..control() }
+        ControlSettings {
+            directions,
+            on_gateway_lost: Some(OnGatewayLost::Stop),
+            ..control()
+        }
     };
-    let (forward_first, reverse_first) =
-        (settings([Direction::Forward, Direction::Reverse]), settings([Direction::Reverse, Direction::Forward]));
-    let of = RigOptions { control: Some(forward_first), ..options("hyundai-n700") };
-    assert!(!is_told(&of, |drive| drive.control = Some(Arc::new(reverse_first.clone()))), "another order of the words");
-    let scaled = |hertz: u32| Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)));
-    let of = RigOptions { model: scaled(50), ..options("hyundai-n700") };
+    let (forward_first, reverse_first) = (
+        settings([Direction::Forward, Direction::Reverse]),
+        settings([Direction::Reverse, Direction::Forward]),
+    );
+    let of = RigOptions {
+        control: Some(forward_first),
+        ..options("hyundai-n700")
+    };
+    assert!(
+        !is_told(&of, |drive| drive.control =
+            Some(Arc::new(reverse_first.clone()))),
+        "another order of the words"
+    );
+    let scaled = |hertz: u32| {
+        Arc::new(model("huanyang-gt").with_full_scale(Hertz::from_millihertz(hertz * 1000)))
+    };
+    let of = RigOptions {
+        model: scaled(50),
+        ..options("hyundai-n700")
+    };
     assert!(!is_told(&of, |_| {}));
-    assert!(is_told(&of, |drive| drive.model = scaled(400)), "each setpoint would be wrong by 8");
+    assert!(
+        is_told(&of, |drive| drive.model = scaled(400)),
+        "each setpoint would be wrong by 8"
+    );
 }
 
 #[test]
 fn gateways_with_different_drives_say_so_as_long_as_that_lasts() {
-    let mut pair = Pair::new(2, &RigOptions { drives: 2, ..options("hyundai-n700") });
+    let mut pair = Pair::new(
+        2,
+        &RigOptions {
+            drives: 2,
+            ..options("hyundai-n700")
+        },
+    );
     let all = pair.halves[1].setup.drives.clone();
     pair.halves[1].setup.drives.pop();
     pair.start(0);
     pair.start(1);
     pair.pass(SECOND * 10);
     let trouble = |pair: &mut Pair, half: usize| pair.core(half).report().standby.unwrap().trouble;
-    let differ = StandbyTrouble { files_differ: true, ..StandbyTrouble::default() };
+    let differ = StandbyTrouble {
+        files_differ: true,
+        ..StandbyTrouble::default()
+    };
     assert_eq!(trouble(&mut pair, 0), differ);
-    assert_eq!(trouble(&mut pair, 1), StandbyTrouble { unknown_station: Some(Station(2)), ..differ });
+    assert_eq!(
+        trouble(&mut pair, 1),
+        StandbyTrouble {
+            unknown_station: Some(Station(2)),
+            ..differ
+        }
+    );
     pair.kill(1);
     pair.halves[1].setup.drives = all;
     pair.start(1);
     pair.pass(SECOND * 130);
     for half in [0, 1] {
-        assert_eq!(trouble(&mut pair, half), StandbyTrouble::default(), "{half}");
+        assert_eq!(
+            trouble(&mut pair, half),
+            StandbyTrouble::default(),
+            "{half}"
+        );
     }
 }

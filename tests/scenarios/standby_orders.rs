@@ -15,7 +15,12 @@ const SECOND: Duration = Duration::from_secs(1);
 const MS: fn(u64) -> Duration = Duration::from_millis;
 
 /// Of models with a status word that tells the direction, with one that does not, and with none.
-const MODELS: [&str; 4] = ["hyundai-n700", "teco-e510", "frecon-fr500a", "toshiba-vf-as1"];
+const MODELS: [&str; 4] = [
+    "hyundai-n700",
+    "teco-e510",
+    "frecon-fr500a",
+    "toshiba-vf-as1",
+];
 
 fn options(id: &str) -> RigOptions {
     let settings = ControlSettings {
@@ -24,7 +29,12 @@ fn options(id: &str) -> RigOptions {
         accept_unverified: ControlAction::ALL.to_vec(),
         ..control()
     };
-    RigOptions { control: Some(settings), poll: MS(250), model: model(id), ..RigOptions::controlled() }
+    RigOptions {
+        control: Some(settings),
+        poll: MS(250),
+        model: model(id),
+        ..RigOptions::controlled()
+    }
 }
 
 /// A drive of this model that runs by an order through the first gateway; the second one listens.
@@ -73,7 +83,10 @@ fn an_order_is_not_forgotten_where_the_drive_and_the_line_were_out_of_sight() {
             if !has_partner {
                 pair.kill(1);
             }
-            pair.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+            pair.bus.set_faults(FaultPlan {
+                lost: 1000,
+                ..FaultPlan::NONE
+            });
             for _ in 0..8 {
                 pair.tell(0, Input::PathAlive(MQTT.owner));
                 pair.pass(MS(500));
@@ -87,7 +100,10 @@ fn an_order_is_not_forgotten_where_the_drive_and_the_line_were_out_of_sight() {
                 pair.open(half);
             }
             let took = stops(&mut pair, SECOND * 10);
-            assert!(took.is_some_and(|took| took <= MS(4500)), "{id}, {has_partner}: {took:?}");
+            assert!(
+                took.is_some_and(|took| took <= MS(4500)),
+                "{id}, {has_partner}: {took:?}"
+            );
         }
     }
 }
@@ -104,7 +120,10 @@ fn where_both_gateways_restart_a_drive_that_runs_is_stopped() {
             pair.pass(MS(700));
             pair.start(1 - first);
             let took = stops(&mut pair, SECOND * 10);
-            assert!(took.is_some_and(|took| took <= MS(4500)), "{id}, {first} first: {took:?}");
+            assert!(
+                took.is_some_and(|took| took <= MS(4500)),
+                "{id}, {first} first: {took:?}"
+            );
         }
     }
 }
@@ -112,8 +131,18 @@ fn where_both_gateways_restart_a_drive_that_runs_is_stopped() {
 #[test]
 fn a_listener_that_was_started_just_before_the_loss_stops_a_drive_that_runs() {
     for id in MODELS {
-        for (poll, age) in [(250, 0), (250, 5), (250, 60), (250, 400), (3000, 400), (3000, 1000)] {
-            let mut pair = Pair::running(&RigOptions { poll: MS(poll), ..options(id) });
+        for (poll, age) in [
+            (250, 0),
+            (250, 5),
+            (250, 60),
+            (250, 400),
+            (3000, 400),
+            (3000, 1000),
+        ] {
+            let mut pair = Pair::running(&RigOptions {
+                poll: MS(poll),
+                ..options(id)
+            });
             start(&mut pair, 0, id);
             pair.kill(1);
             pair.pass(SECOND);
@@ -121,7 +150,10 @@ fn a_listener_that_was_started_just_before_the_loss_stops_a_drive_that_runs() {
             pair.pass(MS(age));
             pair.kill(0);
             let took = stops(&mut pair, SECOND * 10);
-            assert!(took.is_some_and(|took| took <= MS(4500)), "{id}, {poll} ms, {age} ms: {took:?}");
+            assert!(
+                took.is_some_and(|took| took <= MS(4500)),
+                "{id}, {poll} ms, {age} ms: {took:?}"
+            );
         }
     }
 }
@@ -146,12 +178,27 @@ fn a_jam_is_no_silence() {
         let mut pair = Pair::running(&options("hyundai-n700"));
         jam(&mut pair, MS(length));
         let end = pair.now;
-        let first = pair.until(SECOND * 10, |pair| sends(pair, end)).expect("the line is taken again");
+        let first = pair
+            .until(SECOND * 10, |pair| sends(pair, end))
+            .expect("the line is taken again");
         // Whoever is active sends at once; a line that was given up is free again after its silence.
-        assert!(first <= MS(100) || first >= MS(2300), "{length} ms: {first:?}");
+        assert!(
+            first <= MS(100) || first >= MS(2300),
+            "{length} ms: {first:?}"
+        );
         pair.pass(SECOND * 10);
-        assert_eq!(pair.sent.iter().filter(|sent| sent.at >= end && sent.is_damaged).count(), 0, "{length} ms");
-        let active = [0, 1].into_iter().filter(|half| pair.role(*half) == LineRole::Active).count();
+        assert_eq!(
+            pair.sent
+                .iter()
+                .filter(|sent| sent.at >= end && sent.is_damaged)
+                .count(),
+            0,
+            "{length} ms"
+        );
+        let active = [0, 1]
+            .into_iter()
+            .filter(|half| pair.role(*half) == LineRole::Active)
+            .count();
         assert_eq!(active, 1, "{length} ms");
     }
 }
@@ -162,10 +209,15 @@ fn after_a_jam_a_drive_that_runs_is_stopped() {
         let mut pair = running("hyundai-n700");
         jam(&mut pair, MS(length));
         let took = stops(&mut pair, SECOND * 10);
-        assert!(took.is_some_and(|took| took <= MS(6000)), "{length} ms: {took:?}");
+        assert!(
+            took.is_some_and(|took| took <= MS(6000)),
+            "{length} ms: {took:?}"
+        );
     }
 }
 
 fn sends(pair: &Pair, from: MonoTime) -> bool {
-    pair.sent.iter().any(|sent| sent.at >= from && !sent.is_of_listener())
+    pair.sent
+        .iter()
+        .any(|sent| sent.at >= from && !sent.is_of_listener())
 }

@@ -28,7 +28,13 @@ enum Fault {
     Cut,
 }
 
-const FAULTS: [Fault; 5] = [Fault::Kill, Fault::Suspend, Fault::SuspendAtThePort, Fault::Unplug, Fault::Cut];
+const FAULTS: [Fault; 5] = [
+    Fault::Kill,
+    Fault::Suspend,
+    Fault::SuspendAtThePort,
+    Fault::Unplug,
+    Fault::Cut,
+];
 
 /// What the line is like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +48,13 @@ enum Line {
     Echoing,
 }
 
-const LINES: [Line; 5] = [Line::Good, Line::Good, Line::Lossy, Line::Noisy, Line::Echoing];
+const LINES: [Line; 5] = [
+    Line::Good,
+    Line::Good,
+    Line::Lossy,
+    Line::Noisy,
+    Line::Echoing,
+];
 
 impl Line {
     /// Most frames that the one that leaves sends while the other one sends.
@@ -96,21 +108,46 @@ struct Play {
 
 impl Play {
     fn new(seed: u64, line: Line) -> Self {
-        let settings =
-            ControlSettings { on_gateway_lost: Some(OnGatewayLost::Stop), lost_after: MS(1 << 40), ..control() };
+        let settings = ControlSettings {
+            on_gateway_lost: Some(OnGatewayLost::Stop),
+            lost_after: MS(1 << 40),
+            ..control()
+        };
         let is_echoing = line == Line::Echoing;
-        let options = RigOptions { control: Some(settings), seed, poll: MS(2000), ..RigOptions::controlled() };
+        let options = RigOptions {
+            control: Some(settings),
+            seed,
+            poll: MS(2000),
+            ..RigOptions::controlled()
+        };
         let mut pair = Pair::new(2, &options);
         if line == Line::Noisy {
-            pair.bus.set_faults(FaultPlan { noise: 5, lost: 2, cut: 2, flip: 5, ..FaultPlan::NONE });
+            pair.bus.set_faults(FaultPlan {
+                noise: 5,
+                lost: 2,
+                cut: 2,
+                flip: 5,
+                ..FaultPlan::NONE
+            });
         }
         for (half, drift) in [(0, 10_000), (1, -10_000)] {
-            pair.halves[half].drift_ppm = if seed.is_multiple_of(2) { drift } else { -drift };
+            pair.halves[half].drift_ppm = if seed.is_multiple_of(2) {
+                drift
+            } else {
+                -drift
+            };
             pair.halves[half].loses_per_mille = if line == Line::Lossy { 20 } else { 0 };
             pair.halves[half].echoes = is_echoing;
             pair.start(half);
         }
-        Self { pair, watch: Watch::default(), follows_cut: false, seen: Seen::default(), accepted: [0; 2], ran: [0; 2] }
+        Self {
+            pair,
+            watch: Watch::default(),
+            follows_cut: false,
+            seen: Seen::default(),
+            accepted: [0; 2],
+            ran: [0; 2],
+        }
     }
 
     fn pass(&mut self, time: Duration) {
@@ -126,13 +163,21 @@ impl Play {
 
     /// Looks at the frames that were sent since the last call.
     fn look(&mut self) {
-        for sent in self.pair.sent[self.watch.frames..].iter().filter(|sent| !sent.is_of_listener()) {
+        for sent in self.pair.sent[self.watch.frames..]
+            .iter()
+            .filter(|sent| !sent.is_of_listener())
+        {
             // A stop goes out from a gateway that listens, too.
             if sent.pdu.starts_with(&RUN) && sent.pdu[3..5] == [0, 0] {
                 continue;
             }
-            let report = self.pair.halves[sent.half].core.as_ref().and_then(|core| core.report().standby);
-            let term = report.map_or(0, |report| report.take_overs + self.pair.halves[sent.half].setup.first_epoch);
+            let report = self.pair.halves[sent.half]
+                .core
+                .as_ref()
+                .and_then(|core| core.report().standby);
+            let term = report.map_or(0, |report| {
+                report.take_overs + self.pair.halves[sent.half].setup.first_epoch
+            });
             let half = sent.half;
             let others_began = self.watch.terms[1 - half].1;
             let other_goes_on = self.pair.role(1 - half) == LineRole::Active;
@@ -142,7 +187,10 @@ impl Play {
             } else if others_began > own.1 && other_goes_on && !self.pair.is_cut {
                 own.2 += 1;
                 let (doubled, longest) = if self.follows_cut {
-                    (&mut self.seen.doubled_after_cut, &mut self.seen.longest_after_cut)
+                    (
+                        &mut self.seen.doubled_after_cut,
+                        &mut self.seen.longest_after_cut,
+                    )
                 } else {
                     (&mut self.seen.doubled, &mut self.seen.longest_doubled)
                 };
@@ -159,9 +207,9 @@ impl Play {
     }
 
     fn active(&self) -> Option<usize> {
-        [0, 1]
-            .into_iter()
-            .find(|half| self.pair.role(*half) == LineRole::Active && !self.pair.halves[*half].is_suspended)
+        [0, 1].into_iter().find(|half| {
+            self.pair.role(*half) == LineRole::Active && !self.pair.halves[*half].is_suspended
+        })
     }
 
     /// Both run, and one of them is active.
@@ -181,7 +229,12 @@ impl Play {
             self.pass(MS(500));
             if let Some(active) = self.active()
                 && self.pair.role(1 - active) == LineRole::Listening
-                && self.pair.core(1 - active).report().standby.is_some_and(|report| report.hears_other)
+                && self
+                    .pair
+                    .core(1 - active)
+                    .report()
+                    .standby
+                    .is_some_and(|report| report.hears_other)
             {
                 return active;
             }
@@ -194,7 +247,8 @@ impl Play {
         let tickets = [0, 1].map(|half| self.pair.command(half, ORIGIN, 0, order.clone()));
         self.pass(MS(800));
         let told = [0, 1].map(|half| self.pair.told(half, tickets[half]));
-        let is_taken = |told: &Option<(Outcome, Reason)>| !matches!(told, None | Some((Outcome::Refused, _)));
+        let is_taken =
+            |told: &Option<(Outcome, Reason)>| !matches!(told, None | Some((Outcome::Refused, _)));
         assert!(order.is_stop() || !told.iter().all(is_taken), "{told:?}");
         self.seen.commands += 1;
         tickets
@@ -220,10 +274,14 @@ impl Play {
             return;
         }
         self.accepted[active] += 1;
-        assert!(self.ran[active] <= before + 1 && self.ran[1 - active] <= self.accepted[1 - active]);
+        assert!(
+            self.ran[active] <= before + 1 && self.ran[1 - active] <= self.accepted[1 - active]
+        );
         let wait = self.pair.random_below(3000);
         self.pass(MS(wait));
-        let Some(active) = self.active().filter(|it| *it == active) else { return };
+        let Some(active) = self.active().filter(|it| *it == active) else {
+            return;
+        };
         match fault {
             Fault::Kill => self.pair.kill(active),
             Fault::Suspend => self.pair.halves[active].is_suspended = true,
@@ -236,9 +294,19 @@ impl Play {
         self.pass(limit);
         let stopped = self.first_stop(1 - active, begin);
         let took = stopped.map(|at| at.since(begin));
-        let allowed = if fault == Fault::SuspendAtThePort { limit } else { bound };
-        assert!(took.is_some_and(|took| took <= allowed), "{fault:?}: {took:?} of {allowed:?} at {:?}", self.pair.now);
-        self.seen.stops.extend(took.map(|took| u64::try_from(took.as_millis()).unwrap_or(u64::MAX)));
+        let allowed = if fault == Fault::SuspendAtThePort {
+            limit
+        } else {
+            bound
+        };
+        assert!(
+            took.is_some_and(|took| took <= allowed),
+            "{fault:?}: {took:?} of {allowed:?} at {:?}",
+            self.pair.now
+        );
+        self.seen
+            .stops
+            .extend(took.map(|took| u64::try_from(took.as_millis()).unwrap_or(u64::MAX)));
         let rest = self.pair.random_below(8000);
         self.pass(MS(rest));
         self.pair.halves[active].stalls_at_port = false;
@@ -256,16 +324,26 @@ impl Play {
     }
 
     fn first_stop(&self, half: usize, from: MonoTime) -> Option<MonoTime> {
-        let stops = self.pair.sent.iter().rev().take_while(|sent| sent.at >= from);
+        let stops = self
+            .pair
+            .sent
+            .iter()
+            .rev()
+            .take_while(|sent| sent.at >= from);
         stops
-            .filter(|sent| sent.half == half && sent.pdu.starts_with(&RUN) && sent.pdu[3..5] == [0, 0])
+            .filter(|sent| {
+                sent.half == half && sent.pdu.starts_with(&RUN) && sent.pdu[3..5] == [0, 0]
+            })
             .last()
             .map(|it| it.at)
     }
 }
 
 fn seconds() -> u64 {
-    std::env::var("SIMULATED").ok().and_then(|text| text.parse().ok()).unwrap_or(SECONDS)
+    std::env::var("SIMULATED")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(SECONDS)
 }
 
 #[test]
@@ -286,19 +364,32 @@ fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
                 play.watch.frames = 0;
             }
             assert!(
-                play.ran.iter().zip(play.accepted).all(|(ran, accepted)| *ran <= accepted),
+                play.ran
+                    .iter()
+                    .zip(play.accepted)
+                    .all(|(ran, accepted)| *ran <= accepted),
                 "nothing starts by itself"
             );
         }
-        assert!(play.seen.longest_doubled <= line.doubled_at_most(), "{line:?}: {}", play.seen.longest_doubled);
+        assert!(
+            play.seen.longest_doubled <= line.doubled_at_most(),
+            "{line:?}: {}",
+            play.seen.longest_doubled
+        );
         // They may run into each other some times before one is heard.
-        assert!(play.seen.longest_after_cut <= 10, "{line:?}: {}", play.seen.longest_after_cut);
+        assert!(
+            play.seen.longest_after_cut <= 10,
+            "{line:?}: {}",
+            play.seen.longest_after_cut
+        );
         totals.push((line, bound, play.seen));
     }
     for (line, bound, mut seen) in totals {
         seen.stops.sort_unstable();
-        let at =
-            |share: usize| seen.stops.get((seen.stops.len() * share / 1000).min(seen.stops.len().saturating_sub(1)));
+        let at = |share: usize| {
+            seen.stops
+                .get((seen.stops.len() * share / 1000).min(seen.stops.len().saturating_sub(1)))
+        };
         println!(
             "{line:?}: {} rounds, {} commands to both, {} restarts; first STOP after p50 {:?} ms, \
              p99 {:?} ms, longest {:?} ms, bound {} ms; frames after the other one began: {}, most in one term {}; \
@@ -316,7 +407,16 @@ fn in_years_of_trouble_one_sends_and_a_running_drive_is_stopped_in_time() {
             seen.longest_after_cut
         );
         // On the noisy line it is about one in four.
-        assert!(seen.refused * 3 < seen.rounds, "{} of {} rounds did not start the drive", seen.refused, seen.rounds);
-        assert!(seen.stops.len() as u64 * 2 > seen.rounds, "most rounds have measured something: {}", seen.stops.len());
+        assert!(
+            seen.refused * 3 < seen.rounds,
+            "{} of {} rounds did not start the drive",
+            seen.refused,
+            seen.rounds
+        );
+        assert!(
+            seen.stops.len() as u64 * 2 > seen.rounds,
+            "most rounds have measured something: {}",
+            seen.stops.len()
+        );
     }
 }

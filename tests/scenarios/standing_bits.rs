@@ -23,7 +23,10 @@ fn cfw500() -> Arc<Model> {
 fn runs(model: &Arc<Model>, direction: Direction) -> Rig {
     let mut rig = rig_of(model, accepting());
     let told = rig.commanded(MQTT, run(direction, Some(3000)));
-    assert!(matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged), "{told:?}");
+    assert!(
+        matches!(told.0, Outcome::Confirmed | Outcome::Acknowledged),
+        "{told:?}"
+    );
     rig.live(SECOND * 8);
     rig.sent.clear();
     rig
@@ -31,7 +34,11 @@ fn runs(model: &Arc<Model>, direction: Direction) -> Rig {
 
 /// The last word that was written to the register for run commands.
 fn last_word(rig: &Rig, model: &Model) -> u16 {
-    let address = model.register_for(Role::RunCommand).unwrap().address.number();
+    let address = model
+        .register_for(Role::RunCommand)
+        .unwrap()
+        .address
+        .number();
     *rig.written(address).last().expect("one was written")
 }
 
@@ -40,7 +47,10 @@ fn a_stop_keeps_the_direction_of_the_order_before() {
     let model = cfw500();
     for (direction, word) in [(Direction::Forward, 0x0006), (Direction::Reverse, 0x0002)] {
         let mut rig = runs(&model, direction);
-        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+        assert_eq!(
+            rig.commanded(MQTT, STOP),
+            (Outcome::Confirmed, Reason::None)
+        );
         assert_eq!(last_word(&rig, &model), word, "{direction:?}");
     }
 }
@@ -52,19 +62,29 @@ fn a_stop_of_a_motor_that_runs_by_others_keeps_the_direction_that_it_shows() {
         let mut rig = runs(&model, direction);
         rig.restart(Remembered::default());
         rig.pass(SECOND * 5);
-        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+        assert_eq!(
+            rig.commanded(MQTT, STOP),
+            (Outcome::Confirmed, Reason::None)
+        );
         assert_eq!(last_word(&rig, &model), word, "{direction:?}");
     }
     // Where nothing is known, it runs forward rather than in reverse.
     let mut rig = rig_of(&model, accepting());
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(MQTT, STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     assert_eq!(last_word(&rig, &model), 0x0006);
 }
 
 #[test]
 fn each_form_of_the_stop_that_a_client_writes_is_a_stop() {
     let model = cfw500();
-    let address = model.register_for(Role::RunCommand).unwrap().address.number();
+    let address = model
+        .register_for(Role::RunCommand)
+        .unwrap()
+        .address
+        .number();
     for word in [0x0002, 0x0006] {
         let mut rig = runs(&model, Direction::Forward);
         assert_eq!(write(&mut rig, address, &[word]), NativeOutcome::Written);
@@ -84,8 +104,12 @@ fn a_declared_stop_keeps_the_direction_as_well() {
 
 /// The bits that say the direction of a motor and do not run it.
 fn direction_bits(order: &RunCommand) -> u16 {
-    let RunForm::Bits { bits, .. } = &order.form else { return 0 };
-    let says = bits.iter().filter(|bit| matches!(bit.meaning, BitMeaning::Forward | BitMeaning::Reverse));
+    let RunForm::Bits { bits, .. } = &order.form else {
+        return 0;
+    };
+    let says = bits
+        .iter()
+        .filter(|bit| matches!(bit.meaning, BitMeaning::Forward | BitMeaning::Reverse));
     says.fold(0, |all, bit| all | 1 << bit.bit.value)
 }
 
@@ -104,7 +128,12 @@ fn every_motor_ramps_down_in_the_direction_in_which_it_ran() {
             let end = rig.now + SECOND * 12;
             while rig.now < end {
                 rig.step(end);
-                assert_ne!(rig.output(1).signum(), -ran, "{}: it turned round", model.id);
+                assert_ne!(
+                    rig.output(1).signum(),
+                    -ran,
+                    "{}: it turned round",
+                    model.id
+                );
             }
             assert_eq!(rig.outcome_of(stop).0, Outcome::Confirmed);
             assert!(
@@ -115,12 +144,23 @@ fn every_motor_ramps_down_in_the_direction_in_which_it_ran() {
             // invented model has no documents.
             let standing = direction_bits(order) & !order.stop_bits.drops;
             if standing != 0 && vendors::catalog().find(&model.id).is_some() {
-                let run = if direction == Direction::Forward { Some(&order.forward) } else { order.reverse.as_ref() };
+                let run = if direction == Direction::Forward {
+                    Some(&order.forward)
+                } else {
+                    order.reverse.as_ref()
+                };
                 let changed = (last_word(&rig, model) ^ run.unwrap().value) & standing;
-                assert_eq!(changed, 0, "{direction:?}: the stop asks for another direction");
+                assert_eq!(
+                    changed, 0,
+                    "{direction:?}: the stop asks for another direction"
+                );
                 kept.set(kept.get() + 1);
             }
         }
     });
-    assert!(kept.get() >= 4, "{}: a CFW300 and a CFW500, in both directions", kept.get());
+    assert!(
+        kept.get() >= 4,
+        "{}: a CFW300 and a CFW500, in both directions",
+        kept.get()
+    );
 }

@@ -17,7 +17,10 @@ fn running(options: &RigOptions) -> Rig {
     for index in 0..u16::from(options.drives) {
         let ticket = rig.command(MQTT, index, run(Direction::Forward, Some(3000)));
         let (outcome, _) = rig.outcome_of(ticket);
-        assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "drive {index}: {outcome:?}");
+        assert!(
+            matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+            "drive {index}: {outcome:?}"
+        );
     }
     rig.live(Duration::from_secs(8));
     rig.sent.clear();
@@ -25,12 +28,17 @@ fn running(options: &RigOptions) -> Rig {
 }
 
 fn line() -> RigOptions {
-    RigOptions { drives: DRIVES, ..RigOptions::controlled() }
+    RigOptions {
+        drives: DRIVES,
+        ..RigOptions::controlled()
+    }
 }
 
 /// Stops every drive in one round, as a stop for all does, and returns the frames sent until all are confirmed.
 fn stop_all(rig: &mut Rig, drives: u16) -> Vec<Sent> {
-    let tickets: Vec<_> = (0..drives).map(|index| rig.command_unsettled(MQTT, index, STOP)).collect();
+    let tickets: Vec<_> = (0..drives)
+        .map(|index| rig.command_unsettled(MQTT, index, STOP))
+        .collect();
     rig.settle();
     for ticket in tickets {
         assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
@@ -39,7 +47,9 @@ fn stop_all(rig: &mut Rig, drives: u16) -> Vec<Sent> {
 }
 
 fn starts<'a>(sent: &'a [Sent], frame: &'a [u8]) -> impl Iterator<Item = MonoTime> + 'a {
-    sent.iter().filter(move |sent| sent.frame.starts_with(frame)).map(|sent| sent.at)
+    sent.iter()
+        .filter(move |sent| sent.frame.starts_with(frame))
+        .map(|sent| sent.at)
 }
 
 #[test]
@@ -47,14 +57,25 @@ fn one_frame_stops_all_and_each_is_confirmed_by_its_own() {
     let mut rig = running(&line());
     let sent = stop_all(&mut rig, DRIVES.into());
     let writes: Vec<_> = sent.iter().filter(|sent| sent.frame[1] == 6).collect();
-    assert!(writes[0].frame.starts_with(&TO_ALL), "{:02X?}", writes[0].frame);
+    assert!(
+        writes[0].frame.starts_with(&TO_ALL),
+        "{:02X?}",
+        writes[0].frame
+    );
     assert_eq!(starts(&sent, &TO_ALL).count(), 1);
     // 8 characters of 10 bits at 9600 bit/s, and the turnaround.
     let free = writes[0].at + Duration::from_nanos(8_333_334) + BROADCAST_TURNAROUND;
     let next = sent.iter().find(|sent| sent.at > writes[0].at).unwrap();
-    assert_eq!(next.at, free, "the drives are left alone, and not for longer");
+    assert_eq!(
+        next.at, free,
+        "the drives are left alone, and not for longer"
+    );
     for station in 1..=DRIVES {
-        assert_eq!(starts(&sent, &[station, 6, 0, 2, 0, 0]).count(), 1, "station {station}");
+        assert_eq!(
+            starts(&sent, &[station, 6, 0, 2, 0, 0]).count(),
+            1,
+            "station {station}"
+        );
     }
     assert_eq!(rig.core.counters().broadcasts, 1);
 }
@@ -77,22 +98,39 @@ fn over_babble_too_the_drives_are_left_alone_after_the_broadcast() {
     }
     assert_eq!(rig.core.counters().jams, 1);
     let all = starts(&rig.sent, &TO_ALL).next().expect("a broadcast");
-    let next = rig.sent.iter().find(|sent| !sent.frame.starts_with(&TO_ALL)).expect("their own stops");
+    let next = rig
+        .sent
+        .iter()
+        .find(|sent| !sent.frame.starts_with(&TO_ALL))
+        .expect("their own stops");
     let alone = Duration::from_nanos(8_333_334) + BROADCAST_TURNAROUND;
-    assert!(next.at >= all + alone, "{:?} after the broadcast", next.at.since(all));
+    assert!(
+        next.at >= all + alone,
+        "{:?} after the broadcast",
+        next.at.since(all)
+    );
 }
 
 #[test]
 fn motors_ramp_down_from_the_broadcast_on() {
     let mut rig = running(&line());
-    rig.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+    rig.bus.set_faults(FaultPlan {
+        lost: 1000,
+        ..FaultPlan::NONE
+    });
     for index in 0..DRIVES.into() {
         rig.command_unsettled(MQTT, index, STOP);
     }
     rig.settle();
     rig.pass(Duration::from_millis(150));
-    assert!((1..=DRIVES).all(|station| rig.output(station) < 3000), "also those whose own stop has not come yet");
-    assert!((0..DRIVES.into()).all(|index| rig.view(index).control.is_some_and(|it| it.stop_pending)), "none confirms");
+    assert!(
+        (1..=DRIVES).all(|station| rig.output(station) < 3000),
+        "also those whose own stop has not come yet"
+    );
+    assert!(
+        (0..DRIVES.into()).all(|index| rig.view(index).control.is_some_and(|it| it.stop_pending)),
+        "none confirms"
+    );
 }
 
 #[test]
@@ -121,7 +159,10 @@ fn where_no_broadcast_is_proven_or_a_drive_is_not_under_control_there_is_none() 
         proof_words: None,
         ..line()
     };
-    let alone = RigOptions { drives: 1, ..line() };
+    let alone = RigOptions {
+        drives: 1,
+        ..line()
+    };
     for (options, drives) in [(teco, u16::from(DRIVES)), (alone, 1)] {
         let mut rig = running(&options);
         stop_all(&mut rig, drives);
@@ -132,7 +173,8 @@ fn where_no_broadcast_is_proven_or_a_drive_is_not_under_control_there_is_none() 
 #[test]
 fn a_drive_whose_stop_has_no_effect_yet_does_not_keep_the_others_from_one_frame() {
     let mut rig = running(&line());
-    rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
+    rig.bus
+        .set_powered(rig.now, vfd_gateway::domain::ids::Station(1), false);
     rig.command(MQTT, 0, STOP);
     rig.pass(Duration::from_millis(300));
     rig.sent.clear();
@@ -147,7 +189,8 @@ fn a_drive_whose_stop_has_no_effect_yet_does_not_keep_the_others_from_one_frame(
 fn a_single_drive_is_sent_its_own_stop_also_where_the_others_wait_for_theirs() {
     let mut rig = running(&line());
     for station in 1..DRIVES {
-        rig.bus.set_powered(rig.now, vfd_gateway::domain::ids::Station(station), false);
+        rig.bus
+            .set_powered(rig.now, vfd_gateway::domain::ids::Station(station), false);
         rig.command(MQTT, u16::from(station) - 1, STOP);
         rig.pass(Duration::from_millis(300));
     }
@@ -155,5 +198,7 @@ fn a_single_drive_is_sent_its_own_stop_also_where_the_others_wait_for_theirs() {
     rig.command(MQTT, u16::from(DRIVES) - 1, STOP);
     rig.pass(Duration::from_secs(2));
     assert_eq!(starts(&rig.sent, &TO_ALL).count(), 0);
-    assert!(starts(&rig.sent, &[DRIVES, 6, 0, 2, 0, 0]).next().is_some() && rig.output(DRIVES) < 3000);
+    assert!(
+        starts(&rig.sent, &[DRIVES, 6, 0, 2, 0, 0]).next().is_some() && rig.output(DRIVES) < 3000
+    );
 }

@@ -20,7 +20,10 @@ const STOP_FRAME: [u8; 6] = [1, 6, 0, 2, 0, 0];
 
 fn running() -> Rig {
     let mut rig = Rig::new(&RigOptions::controlled());
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(2));
     rig.sent.clear();
     rig
@@ -31,7 +34,14 @@ fn a_stop_waits_for_the_exchange_on_the_wire_and_for_nothing_else() {
     for lead_ms in 0..40 {
         let mut rig = running();
         for n in 0..1000 {
-            rig.ask(n % 60, 0, NativeAsk::Read { address: (PROOF + (n % 200) as u16).into(), count: 1 });
+            rig.ask(
+                n % 60,
+                0,
+                NativeAsk::Read {
+                    address: (PROOF + (n % 200) as u16).into(),
+                    count: 1,
+                },
+            );
         }
         rig.run_until(rig.now + Duration::from_millis(lead_ms), |_, _| {});
         let before = rig.sent.len();
@@ -40,11 +50,20 @@ fn a_stop_waits_for_the_exchange_on_the_wire_and_for_nothing_else() {
         while rig.written(RUN).is_empty() {
             rig.step(rig.now + Duration::from_secs(1));
         }
-        let overtook = rig.sent[before..].iter().position(|sent| sent.frame[..6] == STOP_FRAME);
-        assert_eq!(overtook, Some(0), "the next frame after the exchange in flight is the stop, {lead_ms} ms");
+        let overtook = rig.sent[before..]
+            .iter()
+            .position(|sent| sent.frame[..6] == STOP_FRAME);
+        assert_eq!(
+            overtook,
+            Some(0),
+            "the next frame after the exchange in flight is the stop, {lead_ms} ms"
+        );
         // At most a request, the turnaround, a reply and the silence: 8 + 7 characters, 2 ms, 4.5 characters.
         let waited = rig.sent[before].at.since(stopped_at);
-        assert!(waited <= Duration::from_micros(15 * 1042 + 2000 + 4688 + 1), "{waited:?}");
+        assert!(
+            waited <= Duration::from_micros(15 * 1042 + 2000 + 4688 + 1),
+            "{waited:?}"
+        );
         assert_eq!(rig.outcome_of(ticket), (Outcome::Confirmed, Reason::None));
     }
 }
@@ -55,14 +74,27 @@ fn a_stop_cancels_what_was_ordered_and_nothing_moves_until_it_is_effective() {
     let queued = rig.command(MQTT, 0, setpoint(4000));
     let stop = rig.command(plc(1), 0, STOP);
     let refused = rig.command(MQTT, 0, run(Direction::Forward, Some(4500)));
-    assert_eq!(rig.outcome_of(queued), (Outcome::Superseded, Reason::Stopped));
-    assert_eq!(rig.outcome_of(refused), (Outcome::Refused, Reason::StopPending));
+    assert_eq!(
+        rig.outcome_of(queued),
+        (Outcome::Superseded, Reason::Stopped)
+    );
+    assert_eq!(
+        rig.outcome_of(refused),
+        (Outcome::Refused, Reason::StopPending)
+    );
     assert_eq!(rig.outcome_of(stop), (Outcome::Confirmed, Reason::None));
     rig.pass(Duration::from_secs(40));
     assert_eq!(rig.output(1), 0);
-    let writes: Vec<_> =
-        rig.sent.iter().filter(|sent| sent.frame[1] == 6).map(|sent| sent.frame[..6].to_vec()).collect();
-    let stop_at = writes.iter().position(|frame| *frame == STOP_FRAME).unwrap();
+    let writes: Vec<_> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.frame[1] == 6)
+        .map(|sent| sent.frame[..6].to_vec())
+        .collect();
+    let stop_at = writes
+        .iter()
+        .position(|frame| *frame == STOP_FRAME)
+        .unwrap();
     assert_eq!(writes.len(), stop_at + 1, "{writes:02X?}");
 }
 
@@ -72,7 +104,13 @@ fn a_stop_is_reported_at_the_echo_and_again_when_it_is_effective() {
     let ticket = rig.command(MQTT, 0, STOP);
     rig.outcome_of(ticket);
     let told = rig.told(ticket);
-    assert_eq!(told, [(Outcome::Acknowledged, Reason::None, false), (Outcome::Confirmed, Reason::None, true)]);
+    assert_eq!(
+        told,
+        [
+            (Outcome::Acknowledged, Reason::None, false),
+            (Outcome::Confirmed, Reason::None, true)
+        ]
+    );
 }
 
 #[test]
@@ -93,17 +131,34 @@ fn a_stop_without_a_reply_is_repeated_until_it_is_effective() {
 fn a_stop_that_the_drive_refuses_is_reported_repeated_and_an_alarm() {
     let mut rig = running();
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, 0x0212_u16.into(), 2);
     let ticket = rig.command(MQTT, 0, STOP);
-    assert_eq!(rig.outcome_of(ticket), (Outcome::Failed, Reason::KeptOldValue));
+    assert_eq!(
+        rig.outcome_of(ticket),
+        (Outcome::Failed, Reason::KeptOldValue)
+    );
     rig.pass(Duration::from_secs(4));
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::NotEffective));
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == Note::NotEffective)
+    );
     assert!(rig.view(0).control.unwrap().not_effective);
     assert!(rig.written(RUN).len() >= 3, "it goes on being repeated");
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 3);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, 0x0212_u16.into(), 3);
     rig.pass(Duration::from_secs(6));
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast));
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == Note::EffectiveAtLast)
+    );
     rig.pass(Duration::from_secs(40));
     assert_eq!(rig.output(1), 0);
 }
@@ -112,7 +167,10 @@ fn a_stop_that_the_drive_refuses_is_reported_repeated_and_an_alarm() {
 fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
     let mut rig = running();
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0212_u16.into(), 2);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, 0x0212_u16.into(), 2);
     rig.command(MQTT, 0, STOP);
     rig.pass(Duration::from_secs(620));
     rig.sent.clear();
@@ -121,16 +179,26 @@ fn a_stop_without_effect_is_repeated_for_as_long_as_the_drive_answers() {
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), false);
     rig.pass(Duration::from_secs(590));
-    assert!(rig.view(0).control.unwrap().stop_pending, "it has been away for less than 10 min");
+    assert!(
+        rig.view(0).control.unwrap().stop_pending,
+        "it has been away for less than 10 min"
+    );
     rig.pass(Duration::from_secs(20));
     assert!(!rig.view(0).control.unwrap().stop_pending);
-    let dropped = rig.notes.iter().filter(|(_, note)| *note == Note::StopDropped);
+    let dropped = rig
+        .notes
+        .iter()
+        .filter(|(_, note)| *note == Note::StopDropped);
     assert_eq!(dropped.count(), 1);
 }
 
 #[test]
-fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_after_the_stop_was_dropped() {
-    let mut rig = Rig::new(&RigOptions { drives: 2, ..RigOptions::controlled() });
+fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_after_the_stop_was_dropped()
+ {
+    let mut rig = Rig::new(&RigOptions {
+        drives: 2,
+        ..RigOptions::controlled()
+    });
     rig.commanded(plc(1), STOP);
     rig.commanded(plc(1), run(Direction::Forward, Some(3000)));
     rig.pass(Duration::from_secs(2));
@@ -145,13 +213,20 @@ fn a_controller_that_goes_on_ordering_stop_has_a_drive_stopped_that_comes_back_a
     let now = rig.now;
     rig.bus.set_powered(now, Station(1), true);
     // As a drive does that was out of reach and never stopped.
-    rig.bus.drive_mut(Station(1)).unwrap().obey(now, &[6, 0, 2, 0, 1]);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .obey(now, &[6, 0, 2, 0, 1]);
     for _ in 0..6 {
         rig.command(plc(1), 0, STOP);
         rig.pass(Duration::from_secs(10));
     }
     assert_eq!(rig.output(1), 0);
-    assert_eq!(rig.written(RUN).first(), Some(&0), "it did not stop by itself");
+    assert_eq!(
+        rig.written(RUN).first(),
+        Some(&0),
+        "it did not stop by itself"
+    );
 }
 
 #[test]
@@ -210,7 +285,10 @@ fn a_drive_that_comes_back_is_read_before_it_is_stopped() {
         rig.command(MQTT, 0, STOP);
         rig.live(Duration::from_secs(60));
         let while_away = rig.written(RUN).len();
-        assert!((6..=9).contains(&while_away), "{while_away} stops to a drive that is away and may hear");
+        assert!(
+            (6..=9).contains(&while_away),
+            "{while_away} stops to a drive that is away and may hear"
+        );
         let back_at = rig.now;
         rig.bus.set_powered(back_at, Station(1), true);
         if turns {
@@ -219,7 +297,11 @@ fn a_drive_that_comes_back_is_read_before_it_is_stopped() {
             drive.obey(back_at, &[6, 0, 2, 0, 1]);
         }
         rig.live(Duration::from_secs(5));
-        assert_eq!(rig.written(RUN).len() > while_away, turns, "a drive that stands still needs no stop");
+        assert_eq!(
+            rig.written(RUN).len() > while_away,
+            turns,
+            "a drive that stands still needs no stop"
+        );
         assert!(!rig.view(0).control.unwrap().stop_pending);
         rig.pass(Duration::from_secs(40));
         assert_eq!(rig.output(1), 0);
@@ -228,7 +310,10 @@ fn a_drive_that_comes_back_is_read_before_it_is_stopped() {
 
 #[test]
 fn moving_drives_are_stopped_first() {
-    let mut rig = Rig::new(&RigOptions { drives: 4, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        drives: 4,
+        ..RigOptions::controlled()
+    });
     let ticket = rig.command(MQTT, 2, run(Direction::Forward, Some(3000)));
     rig.outcome_of(ticket);
     rig.pass(Duration::from_secs(2));
@@ -237,9 +322,17 @@ fn moving_drives_are_stopped_first() {
         rig.command(plc(1), drive, STOP);
     }
     rig.pass(Duration::from_millis(500));
-    let stops: Vec<u8> = rig.sent.iter().filter(|sent| sent.frame[1] == 6).map(|sent| sent.frame[0]).collect();
+    let stops: Vec<u8> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.frame[1] == 6)
+        .map(|sent| sent.frame[0])
+        .collect();
     // The first one may have left before the others were commanded.
-    assert!(stops.iter().position(|station| *station == 3) <= Some(1), "{stops:?}");
+    assert!(
+        stops.iter().position(|station| *station == 3) <= Some(1),
+        "{stops:?}"
+    );
 }
 
 #[test]
@@ -263,9 +356,16 @@ fn a_flood_of_stops_is_one_stop_and_leaves_the_line_to_others() {
         })
         .collect();
     for ticket in tickets {
-        assert!(matches!(rig.outcome_of(ticket).0, Outcome::Confirmed | Outcome::Unknown));
+        assert!(matches!(
+            rig.outcome_of(ticket).0,
+            Outcome::Confirmed | Outcome::Unknown
+        ));
     }
-    assert!(rig.written(RUN).len() <= 3, "{} frames", rig.written(RUN).len());
+    assert!(
+        rig.written(RUN).len() <= 3,
+        "{} frames",
+        rig.written(RUN).len()
+    );
 }
 
 #[test]
@@ -293,14 +393,27 @@ fn coast_cuts_the_output_off() {
 #[test]
 fn a_stop_that_a_resting_drive_refuses_is_settled() {
     let model = model("frecon-fr500a");
-    let mut rig = Rig::new(&RigOptions { model, proof_words: None, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        model,
+        proof_words: None,
+        ..RigOptions::controlled()
+    });
     let now = rig.now;
     // F02.00: run commands from the keypad.
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200_u16.into(), 0);
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Failed, Reason::DriveException));
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, 0x0200_u16.into(), 0);
+    assert_eq!(
+        rig.commanded(MQTT, STOP),
+        (Outcome::Failed, Reason::DriveException)
+    );
     rig.pass(Duration::from_secs(2));
     let control = rig.view(0).control.unwrap();
-    assert!(!control.stop_pending && !control.not_effective, "{control:?}");
+    assert!(
+        !control.stop_pending && !control.not_effective,
+        "{control:?}"
+    );
 }
 
 /// A drive of `id` that serves only these functions, whatever its model says, and runs.
@@ -311,7 +424,13 @@ fn serving(id: &str, functions: &[u8]) -> Rig {
     let control = Some(accepting());
     let really = Some(Arc::new(really));
     let proof_words = None;
-    Rig::new(&RigOptions { model, really, proof_words, control, ..RigOptions::controlled() })
+    Rig::new(&RigOptions {
+        model,
+        really,
+        proof_words,
+        control,
+        ..RigOptions::controlled()
+    })
 }
 
 #[test]
@@ -320,20 +439,39 @@ fn a_stop_that_is_refused_in_one_form_is_tried_in_the_other_that_the_model_decla
         let mut rig = serving(id, &[0x03, 0x08, 0x10]);
         let now = rig.now;
         let run = [0x10, 0x25, 0x01, 0, 2, 4, 0, 1, 0x0B, 0xB8];
-        rig.bus.drive_mut(Station(1)).unwrap().answer(now, &run, 0, &mut Vec::new());
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .answer(now, &run, 0, &mut Vec::new());
         rig.pass(Duration::from_secs(2));
         assert!(rig.output(1) > 0, "{id}");
         rig.sent.clear();
-        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, STOP),
+            (Outcome::Confirmed, Reason::None),
+            "{id}"
+        );
         // Typed here: 06 first, and 10 hex with one word.
-        assert_eq!(rig.writes(), [vec![6, 0x25, 1, 0, 0], vec![0x10, 0x25, 1, 0, 1, 2, 0, 0]], "{id}");
+        assert_eq!(
+            rig.writes(),
+            [vec![6, 0x25, 1, 0, 0], vec![0x10, 0x25, 1, 0, 1, 2, 0, 0]],
+            "{id}"
+        );
         let first = rig.sent.iter().position(|sent| sent.pdu[0] == 6).unwrap();
         assert_eq!(rig.sent[first + 1].pdu[0], 0x10, "{id}: at once");
-        assert!(!rig.notes.iter().any(|(_, note)| *note == Note::StopRefused), "{id}: {:?}", rig.notes);
+        assert!(
+            !rig.notes.iter().any(|(_, note)| *note == Note::StopRefused),
+            "{id}: {:?}",
+            rig.notes
+        );
         rig.pass(Duration::from_secs(20));
         assert_eq!(rig.output(1), 0, "{id}");
         // And where a stop takes effect it may start again.
-        assert_ne!(rig.commanded(MQTT, crate::support::run(Direction::Forward, Some(2000))).1, Reason::StopRefused);
+        assert_ne!(
+            rig.commanded(MQTT, crate::support::run(Direction::Forward, Some(2000)))
+                .1,
+            Reason::StopRefused
+        );
     }
 }
 
@@ -346,22 +484,48 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
         let mut rig = serving(&model.id, &functions);
         assert_eq!(
             rig.commanded(MQTT, STOP).0,
-            if model.exceptions.is_empty() { Outcome::Unknown } else { Outcome::Failed }
+            if model.exceptions.is_empty() {
+                Outcome::Unknown
+            } else {
+                Outcome::Failed
+            }
         );
         if model.exceptions.is_empty() {
             // Such a drive does not answer what it does not serve: its stop stays pending.
-            assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(2000))).1, Reason::StopPending, "{}", model.id);
+            assert_eq!(
+                rig.commanded(MQTT, run(Direction::Forward, Some(2000))).1,
+                Reason::StopPending,
+                "{}",
+                model.id
+            );
             continue;
         }
-        let told: Vec<_> = rig.notes.iter().filter(|(_, note)| *note == Note::StopRefused).collect();
-        assert!(matches!(told[..], [(at, _)] if rig.now.since(*at) < Duration::from_millis(100)), "{}", model.id);
+        let told: Vec<_> = rig
+            .notes
+            .iter()
+            .filter(|(_, note)| *note == Note::StopRefused)
+            .collect();
+        assert!(
+            matches!(told[..], [(at, _)] if rig.now.since(*at) < Duration::from_millis(100)),
+            "{}",
+            model.id
+        );
         rig.pass(Duration::from_secs(5));
-        assert!(!rig.view(0).control.unwrap().stop_pending, "{}: it stands still", model.id);
+        assert!(
+            !rig.view(0).control.unwrap().stop_pending,
+            "{}: it stands still",
+            model.id
+        );
         for by in [MQTT, plc(1)] {
             rig.commanded(plc(1), STOP);
             rig.pass(Duration::from_secs(5));
             let told = rig.commanded(by, run(Direction::Forward, Some(2000)));
-            assert_eq!(told, (Outcome::Refused, Reason::StopRefused), "{}", model.id);
+            assert_eq!(
+                told,
+                (Outcome::Refused, Reason::StopRefused),
+                "{}",
+                model.id
+            );
         }
         // A controller that holds 0 stops again, at a bounded rate.
         rig.sent.clear();
@@ -371,8 +535,16 @@ fn a_drive_that_refuses_to_be_stopped_is_not_started_and_people_hear_of_it_at_on
         }
         let forms = if model.write.block.is_some() { 2 } else { 1 };
         let sent = rig.writes().len();
-        assert!((5 * forms..=11 * forms).contains(&sent), "{}: {sent} in 30 s", model.id);
-        let told = rig.notes.iter().filter(|(_, note)| *note == Note::StopRefused).count();
+        assert!(
+            (5 * forms..=11 * forms).contains(&sent),
+            "{}: {sent} in 30 s",
+            model.id
+        );
+        let told = rig
+            .notes
+            .iter()
+            .filter(|(_, note)| *note == Note::StopRefused)
+            .count();
         assert_eq!(told, 1, "{}: told once", model.id);
     }
 }
@@ -384,17 +556,37 @@ fn a_motor_that_runs_on_after_a_refused_stop_is_an_alarm_until_it_obeys() {
         rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
         rig.live(Duration::from_secs(3));
         assert!(rig.output(1) > 0, "{}", model.id);
-        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::All);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .refuse_stops(RefusedStops::All);
         let ticket = rig.command(MQTT, 0, STOP);
         assert_eq!(rig.outcome_of(ticket).0, Outcome::Failed, "{}", model.id);
         let control = rig.view(0).control.unwrap();
-        assert!(control.stop_pending && control.not_effective, "{}: {control:?}", model.id);
-        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::None);
+        assert!(
+            control.stop_pending && control.not_effective,
+            "{}: {control:?}",
+            model.id
+        );
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .refuse_stops(RefusedStops::None);
         rig.pass(Duration::from_secs(60));
         let control = rig.view(0).control.unwrap();
-        assert!(!control.stop_pending && !control.not_effective, "{}: {control:?}", model.id);
+        assert!(
+            !control.stop_pending && !control.not_effective,
+            "{}: {control:?}",
+            model.id
+        );
         let told = |wanted: Note| rig.notes.iter().filter(|(_, note)| *note == wanted).count();
-        assert_eq!((told(Note::StopRefused), told(Note::EffectiveAtLast)), (1, 1), "{}: {:?}", model.id, rig.notes);
+        assert_eq!(
+            (told(Note::StopRefused), told(Note::EffectiveAtLast)),
+            (1, 1),
+            "{}: {:?}",
+            model.id,
+            rig.notes
+        );
         assert_eq!(rig.output(1), 0, "{}", model.id);
     }
 }
@@ -402,42 +594,88 @@ fn a_motor_that_runs_on_after_a_refused_stop_is_an_alarm_until_it_obeys() {
 #[test]
 fn a_drive_that_takes_stops_again_may_be_started() {
     let model = model("frecon-fr500a");
-    let mut rig = Rig::new(&RigOptions { model, proof_words: None, ..RigOptions::controlled() });
+    let mut rig = Rig::new(&RigOptions {
+        model,
+        proof_words: None,
+        ..RigOptions::controlled()
+    });
     let set = |rig: &mut Rig, word| {
         let now = rig.now;
         // F02.00: where run commands come from.
-        rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, 0x0200_u16.into(), word);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .set_locally(now, 0x0200_u16.into(), word);
     };
     set(&mut rig, 0);
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Failed, Reason::DriveException));
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Failed, Reason::DriveException)
+    );
     rig.pass(Duration::from_secs(5));
-    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, Some(2000))).1, Reason::StopRefused);
+    assert_eq!(
+        rig.commanded(plc(1), run(Direction::Forward, Some(2000))).1,
+        Reason::StopRefused
+    );
     set(&mut rig, 2);
-    assert_eq!(rig.commanded(plc(1), STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(plc(1), STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     // The control sources are polled at their own pace.
     let (_, reason) = rig.commanded(plc(1), run(Direction::Forward, Some(2000)));
-    assert!([Reason::None, Reason::LocalControl].contains(&reason), "{reason:?}");
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::EffectiveAtLast), "{:?}", rig.notes);
+    assert!(
+        [Reason::None, Reason::LocalControl].contains(&reason),
+        "{reason:?}"
+    );
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == Note::EffectiveAtLast),
+        "{:?}",
+        rig.notes
+    );
 }
 
 #[test]
 fn a_stop_on_an_unplugged_line_is_reported_at_once_and_goes_out_when_it_is_back() {
     for model in models() {
-        let options = RigOptions { model: Arc::clone(&model), proof_words: None, ..RigOptions::controlled() };
-        let mut rig = Rig::new(&RigOptions { control: Some(accepting()), ..options });
+        let options = RigOptions {
+            model: Arc::clone(&model),
+            proof_words: None,
+            ..RigOptions::controlled()
+        };
+        let mut rig = Rig::new(&RigOptions {
+            control: Some(accepting()),
+            ..options
+        });
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(Duration::from_secs(3));
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.settle();
         let from = rig.now;
         let first = rig.command(MQTT, 0, STOP);
-        assert_eq!(rig.told(first), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+        assert_eq!(
+            rig.told(first),
+            [(Outcome::Unknown, Reason::LineDown, true)],
+            "{}",
+            model.id
+        );
         let (_, answer) = rig.reports.last().unwrap();
-        assert!(answer.report.message().contains("pending"), "{}", answer.report.message());
+        assert!(
+            answer.report.message().contains("pending"),
+            "{}",
+            answer.report.message()
+        );
         assert!(rig.view(0).control.unwrap().stop_pending, "{}", model.id);
         // Later ones are answered at once, too.
         let second = rig.command(plc(1), 0, STOP);
-        assert_eq!(rig.told(second), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+        assert_eq!(
+            rig.told(second),
+            [(Outcome::Unknown, Reason::LineDown, true)],
+            "{}",
+            model.id
+        );
         assert_eq!(rig.now, from);
         rig.pass(Duration::from_secs(1));
         rig.sent.clear();
@@ -452,27 +690,56 @@ fn a_stop_on_an_unplugged_line_is_reported_at_once_and_goes_out_when_it_is_back(
 #[test]
 fn a_stop_that_joins_one_on_a_lost_line_is_no_success() {
     for model in models() {
-        let options = RigOptions { model: Arc::clone(&model), proof_words: None, ..RigOptions::controlled() };
-        let mut rig = Rig::new(&RigOptions { control: Some(accepting()), ..options });
+        let options = RigOptions {
+            model: Arc::clone(&model),
+            proof_words: None,
+            ..RigOptions::controlled()
+        };
+        let mut rig = Rig::new(&RigOptions {
+            control: Some(accepting()),
+            ..options
+        });
         rig.commanded(plc(1), run(Direction::Forward, Some(5000)));
         rig.live(Duration::from_secs(6));
         let first = rig.command(plc(1), 0, STOP);
-        while !rig.told(first).iter().any(|it| it.0 == Outcome::Acknowledged) {
+        while !rig
+            .told(first)
+            .iter()
+            .any(|it| it.0 == Outcome::Acknowledged)
+        {
             assert!(rig.step(rig.now + Duration::from_secs(5)), "{}", model.id);
         }
-        assert!(rig.view(0).control.unwrap().stop_pending, "{}: not effective yet", model.id);
+        assert!(
+            rig.view(0).control.unwrap().stop_pending,
+            "{}: not effective yet",
+            model.id
+        );
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.settle();
         for by in [plc(1), plc(2)] {
             let again = rig.command(by, 0, STOP);
-            assert_eq!(rig.told(again), [(Outcome::Unknown, Reason::LineDown, true)], "{}", model.id);
+            assert_eq!(
+                rig.told(again),
+                [(Outcome::Unknown, Reason::LineDown, true)],
+                "{}",
+                model.id
+            );
         }
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.settle();
         rig.sent.clear();
         rig.pass(Duration::from_secs(20));
-        assert!(!rig.writes().is_empty(), "{}: it goes out once more", model.id);
-        assert_eq!((rig.output(1), rig.view(0).control.unwrap().stop_pending), (0, false), "{}", model.id);
+        assert!(
+            !rig.writes().is_empty(),
+            "{}: it goes out once more",
+            model.id
+        );
+        assert_eq!(
+            (rig.output(1), rig.view(0).control.unwrap().stop_pending),
+            (0, false),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -482,7 +749,10 @@ fn a_register_that_was_being_written_when_a_stop_came_is_unknown_and_not_refused
     rig.loses_reply_to = Some(6);
     let write = rig.command(plc(1), 0, register(0x000E, 20));
     while rig.writes().is_empty() {
-        assert!(rig.step(rig.now + Duration::from_secs(1)), "its frame goes out");
+        assert!(
+            rig.step(rig.now + Duration::from_secs(1)),
+            "its frame goes out"
+        );
     }
     rig.command(plc(1), 0, STOP);
     assert_eq!(rig.outcome_of(write), (Outcome::Unknown, Reason::Stopped));
@@ -490,12 +760,18 @@ fn a_register_that_was_being_written_when_a_stop_came_is_unknown_and_not_refused
 
 /// What the drive shows of its state and its output stays as it is.
 fn freeze(rig: &mut Rig, model: &Model) -> (Address, u16) {
-    let output = model.register_for(Role::OutputFrequency).expect("it shows its output").address;
+    let output = model
+        .register_for(Role::OutputFrequency)
+        .expect("it shows its output")
+        .address;
     let status = model.status_flag(Flag::Running).map(|flag| flag.address);
     let held = |rig: &mut Rig, at| rig.view(0).snapshot.reading(at).expect("it was read").raw;
     for address in status.into_iter().chain([output]) {
         let word = held(rig, address);
-        rig.bus.drive_mut(Station(1)).unwrap().shows_at(address, word);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .shows_at(address, word);
     }
     (output, held(rig, output))
 }
@@ -510,11 +786,20 @@ fn the_noise_of_a_steady_speed_is_no_effect_of_a_stop() {
         rig.sent.clear();
         let ticket = rig.command(MQTT, 0, STOP);
         for below in [0, 1, 1, 1].into_iter().cycle().take(200) {
-            rig.bus.drive_mut(Station(1)).unwrap().shows_at(output, speed - below);
+            rig.bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .shows_at(output, speed - below);
             rig.pass(Duration::from_millis(40));
         }
         let told = rig.told(ticket);
-        assert!(!told.iter().any(|(outcome, ..)| *outcome == Outcome::Confirmed), "{}: {told:?}", model.id);
+        assert!(
+            !told
+                .iter()
+                .any(|(outcome, ..)| *outcome == Outcome::Confirmed),
+            "{}: {told:?}",
+            model.id
+        );
         assert!(rig.view(0).control.unwrap().not_effective, "{}", model.id);
         assert!(rig.writes().len() >= 3, "{}: it is repeated", model.id);
     }
@@ -532,15 +817,27 @@ fn a_motor_that_goes_on_behind_a_stop_that_seemed_to_take_effect_is_stopped_agai
         rig.sent.clear();
         let ticket = rig.command(MQTT, 0, STOP);
         for below in [0, fall / 2].into_iter().chain([fall; 8]) {
-            rig.bus.drive_mut(Station(1)).unwrap().shows_at(output, speed - below);
+            rig.bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .shows_at(output, speed - below);
             rig.pass(Duration::from_millis(100));
         }
-        assert_eq!(rig.told(ticket).last().unwrap().0, Outcome::Confirmed, "{}", model.id);
+        assert_eq!(
+            rig.told(ticket).last().unwrap().0,
+            Outcome::Confirmed,
+            "{}",
+            model.id
+        );
         let before = rig.writes().len();
         rig.pass(Duration::from_secs(10));
         assert!(rig.writes().len() > before, "{}", model.id);
         let control = rig.view(0).control.unwrap();
-        assert!(control.stop_pending && control.not_effective, "{}: {control:?}", model.id);
+        assert!(
+            control.stop_pending && control.not_effective,
+            "{}: {control:?}",
+            model.id
+        );
         rig.bus.drive_mut(Station(1)).unwrap().shows_the_truth();
         rig.pass(Duration::from_secs(20));
         assert!(!rig.view(0).control.unwrap().stop_pending, "{}", model.id);
@@ -560,6 +857,9 @@ fn each_stop_of_a_client_goes_out_to_a_drive_that_hears_and_is_not_heard() {
         assert!(!rig.writes().is_empty(), "{by:?}");
         rig.pass(Duration::from_secs(10));
         let frames = rig.writes().len();
-        assert!(frames <= 3, "a dead drive costs the others little: {frames}");
+        assert!(
+            frames <= 3,
+            "a dead drive costs the others little: {frames}"
+        );
     }
 }

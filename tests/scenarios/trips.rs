@@ -43,12 +43,26 @@ fn a_trip_is_reported_once_with_what_was_measured() {
     let at_trip = rig.output(1);
     tripped(&mut rig, 7);
     rig.pass(Duration::from_secs(5));
-    let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
-    let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
-    assert_eq!((record.code, event.count, event.while_away), (Some(7), Some(1), false));
-    assert_eq!(record.words[1], (0x0114_u16.into(), at_trip as u16), "the frequency at the trip");
+    let [(_, event)] = rig.trips.as_slice() else {
+        panic!("{:?}", rig.trips)
+    };
+    let TripEventKind::Tripped { trips: 1, record } = &event.kind else {
+        panic!("{event:?}")
+    };
+    assert_eq!(
+        (record.code, event.count, event.while_away),
+        (Some(7), Some(1), false)
+    );
+    assert_eq!(
+        record.words[1],
+        (0x0114_u16.into(), at_trip as u16),
+        "the frequency at the trip"
+    );
     let view = rig.view(0);
-    assert_eq!((view.run_state, view.trip.active, view.trip.seen), (RunState::Tripped, Some(true), 1));
+    assert_eq!(
+        (view.run_state, view.trip.active, view.trip.seen),
+        (RunState::Tripped, Some(true), 1)
+    );
 }
 
 #[test]
@@ -56,15 +70,31 @@ fn after_a_trip_a_reset_and_a_fresh_order_are_needed() {
     let mut rig = running();
     tripped(&mut rig, 7);
     let control = rig.view(0).control.unwrap();
-    assert_eq!((control.intent, control.start_inhibited), (RunIntent::Stop, true));
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), (Outcome::Refused, Reason::Tripped));
+    assert_eq!(
+        (control.intent, control.start_inhibited),
+        (RunIntent::Stop, true)
+    );
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, None)),
+        (Outcome::Refused, Reason::Tripped)
+    );
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Confirmed, Reason::None));
-    assert_eq!(rig.written(RUN), [0, 4, 0], "a reset is framed by stops and carries no run order");
+    assert_eq!(
+        rig.commanded(MQTT, Order::Reset),
+        (Outcome::Confirmed, Reason::None)
+    );
+    assert_eq!(
+        rig.written(RUN),
+        [0, 4, 0],
+        "a reset is framed by stops and carries no run order"
+    );
     rig.pass(Duration::from_secs(3));
     assert_eq!(rig.trips.last().unwrap().1.kind, TripEventKind::Cleared);
     assert_eq!((rig.output(1), rig.view(0).trip.active), (0, Some(false)));
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)).0, Outcome::Acknowledged);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, None)).0,
+        Outcome::Acknowledged
+    );
     rig.pass(Duration::from_secs(1));
     assert!(rig.output(1) > 0);
 }
@@ -78,7 +108,10 @@ fn a_controller_that_goes_on_writing_run_does_not_restart_a_reset_drive() {
     tripped(&mut rig, 3);
     assert_eq!(rig.commanded(plc(1), Order::Reset).0, Outcome::Confirmed);
     rig.pass(Duration::from_millis(1500));
-    assert_eq!(rig.commanded(plc(1), run(Direction::Forward, None)), (Outcome::Refused, Reason::StartInhibited));
+    assert_eq!(
+        rig.commanded(plc(1), run(Direction::Forward, None)),
+        (Outcome::Refused, Reason::StartInhibited)
+    );
     rig.pass(Duration::from_secs(2));
     assert_eq!(rig.output(1), 0);
 }
@@ -91,7 +124,9 @@ fn trips_between_two_polls_are_counted() {
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, cause);
     }
     rig.pass(Duration::from_secs(3));
-    let TripEventKind::Tripped { trips, record } = &rig.trips[0].1.kind else { panic!() };
+    let TripEventKind::Tripped { trips, record } = &rig.trips[0].1.kind else {
+        panic!()
+    };
     assert_eq!((*trips, record.code), (3, Some(3)));
     assert_eq!(rig.view(0).trip.seen, 3);
 }
@@ -99,7 +134,8 @@ fn trips_between_two_polls_are_counted() {
 #[test]
 fn no_trip_is_lost_on_a_bad_line() {
     let mut rig = running();
-    rig.bus.set_faults("noise=50,lost=50,late=20,cut=20,flip=50".parse().unwrap());
+    rig.bus
+        .set_faults("noise=50,lost=50,late=20,cut=20,flip=50".parse().unwrap());
     for cause in 1..=50 {
         tripped(&mut rig, cause);
         rig.pass(Duration::from_secs(4));
@@ -111,7 +147,10 @@ fn no_trip_is_lost_on_a_bad_line() {
 
 #[test]
 fn a_trip_while_the_line_was_down_is_reported_as_one_that_nobody_saw_happen() {
-    for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
+    for model in models()
+        .into_iter()
+        .filter(|model| model.trip_register().is_some())
+    {
         let mut rig = rig_of(&model, accepting());
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.settle();
@@ -120,9 +159,18 @@ fn a_trip_while_the_line_was_down_is_reported_as_one_that_nobody_saw_happen() {
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.live(Duration::from_secs(10));
-        let [(_, event)] = rig.trips.as_slice() else { panic!("{}: {:?}", model.id, rig.trips) };
-        let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{}: {event:?}", model.id) };
-        assert_eq!((event.while_away, record.code), (true, Some(2)), "{}", model.id);
+        let [(_, event)] = rig.trips.as_slice() else {
+            panic!("{}: {:?}", model.id, rig.trips)
+        };
+        let TripEventKind::Tripped { trips: 1, record } = &event.kind else {
+            panic!("{}: {event:?}", model.id)
+        };
+        assert_eq!(
+            (event.while_away, record.code),
+            (true, Some(2)),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -132,10 +180,19 @@ fn a_trip_is_reported_while_stops_are_refused_and_replies_were_late() {
         let model = model(id);
         let control = Some(accepting());
         let poll = Duration::from_secs(2);
-        let mut rig = Rig::new(&RigOptions { model, control, poll, proof_words: None, ..RigOptions::controlled() });
+        let mut rig = Rig::new(&RigOptions {
+            model,
+            control,
+            poll,
+            proof_words: None,
+            ..RigOptions::controlled()
+        });
         rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
         rig.live(Duration::from_secs(3));
-        rig.bus.drive_mut(Station(1)).unwrap().refuse_stops(RefusedStops::All);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .refuse_stops(RefusedStops::All);
         // Replies beyond the maximum lateness make the next ones doubtful.
         rig.bus.set_faults("beyond=200".parse().unwrap());
         let stop = rig.command(MQTT, 0, STOP);
@@ -146,7 +203,11 @@ fn a_trip_is_reported_while_stops_are_refused_and_replies_were_late() {
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
         rig.pass(Duration::from_secs(5));
-        assert_eq!(told(&rig), 1, "{id}: the exceptions to the stops made no reply doubtful");
+        assert_eq!(
+            told(&rig),
+            1,
+            "{id}: the exceptions to the stops made no reply doubtful"
+        );
     }
 }
 
@@ -166,7 +227,10 @@ fn a_trip_whose_record_is_being_read_when_the_line_is_left_is_reported() {
 
 #[test]
 fn a_trip_that_takes_the_power_with_it_is_reported_while_the_drive_is_away_and_only_once() {
-    for model in models().into_iter().filter(|model| model.trip_register().is_some()) {
+    for model in models()
+        .into_iter()
+        .filter(|model| model.trip_register().is_some())
+    {
         let mut rig = rig_of(&model, accepting());
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
@@ -178,16 +242,29 @@ fn a_trip_that_takes_the_power_with_it_is_reported_while_the_drive_is_away_and_o
         let now = rig.now;
         rig.bus.set_powered(now, Station(1), false);
         rig.live(Duration::from_secs(10));
-        assert_eq!((told(&rig), rig.view(0).trip.active), (1, None), "{}: {:?}", model.id, rig.trips);
+        assert_eq!(
+            (told(&rig), rig.view(0).trip.active),
+            (1, None),
+            "{}: {:?}",
+            model.id,
+            rig.trips
+        );
         let now = rig.now;
         rig.bus.set_powered(now, Station(1), true);
         rig.live(Duration::from_secs(20));
-        assert_eq!((told(&rig), rig.view(0).trip.seen), (1, 1), "{}: {:?}", model.id, rig.trips);
+        assert_eq!(
+            (told(&rig), rig.view(0).trip.seen),
+            (1, 1),
+            "{}: {:?}",
+            model.id,
+            rig.trips
+        );
     }
 }
 
 #[test]
-fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_reset_at_its_panel() {
+fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_reset_at_its_panel()
+{
     // Model, run command, and the word there that resets.
     for (id, command, reset) in [("frecon-fr500a", 0x2000, 7), ("teco-e510", 0x2501, 8)] {
         let mut rig = rig_of(&model(id), accepting());
@@ -199,24 +276,40 @@ fn run_that_was_held_through_a_trip_does_not_start_the_motor_when_the_drive_is_r
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
         rig.pass(Duration::from_secs(3));
         rig.commanded(plc(1), STOP);
-        assert_eq!(rig.commanded(plc(1), held()), (Outcome::Refused, Reason::Tripped), "{id}");
+        assert_eq!(
+            rig.commanded(plc(1), held()),
+            (Outcome::Refused, Reason::Tripped),
+            "{id}"
+        );
         let now = rig.now;
         let drive = rig.bus.drive_mut(Station(1)).unwrap();
-        assert!(drive.answer(now, &single(command, reset), 0, &mut Vec::new()) && !drive.is_tripped());
+        assert!(
+            drive.answer(now, &single(command, reset), 0, &mut Vec::new()) && !drive.is_tripped()
+        );
         rig.pass(Duration::from_secs(3));
         assert_eq!(rig.view(0).trip.active, Some(false), "{id}");
-        assert_eq!(rig.commanded(plc(1), held()), (Outcome::Refused, Reason::StartInhibited), "{id}");
+        assert_eq!(
+            rig.commanded(plc(1), held()),
+            (Outcome::Refused, Reason::StartInhibited),
+            "{id}"
+        );
         rig.pass(Duration::from_secs(2));
         assert_eq!(rig.output(1), 0, "{id}");
         rig.commanded(plc(1), STOP);
-        assert_eq!(rig.commanded(plc(1), held()).0, Outcome::Confirmed, "{id}: ordered anew");
+        assert_eq!(
+            rig.commanded(plc(1), held()).0,
+            Outcome::Confirmed,
+            "{id}: ordered anew"
+        );
     }
 }
 
 /// A drive whose present trip stands in a register with `role`, with or without a flag beside it.
 fn showing(role: Role, has_flag: bool) -> Arc<Model> {
     model_with("teco-e510", |model| {
-        model.status.retain(|it| has_flag || it.flag != Flag::Tripped);
+        model
+            .status
+            .retain(|it| has_flag || it.flag != Flag::Tripped);
         for register in &mut model.registers {
             if register.role == Some(Role::TripCode) {
                 register.role = Some(role);
@@ -228,9 +321,10 @@ fn showing(role: Role, has_flag: bool) -> Arc<Model> {
 /// The code and the words of each trip that was told, in order.
 fn codes(rig: &Rig) -> Vec<(Option<u16>, Vec<u16>)> {
     let trip = |(_, event): &(_, TripEvent)| match &event.kind {
-        TripEventKind::Tripped { record, .. } => {
-            Some((record.code, record.words.iter().map(|(_, word)| *word).collect()))
-        }
+        TripEventKind::Tripped { record, .. } => Some((
+            record.code,
+            record.words.iter().map(|(_, word)| *word).collect(),
+        )),
         TripEventKind::Cleared => None,
     };
     rig.trips.iter().filter_map(trip).collect()
@@ -245,8 +339,15 @@ fn two_bits_at_once_are_one_trip_that_tells_both() {
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
         tripped(&mut rig, 4);
         rig.pass(Duration::from_secs(5));
-        assert_eq!(codes(&rig), [(Some(4), vec![0b0100_1000])], "flag: {has_flag}");
-        assert_eq!((rig.view(0).run_state, rig.view(0).trip.seen), (RunState::Tripped, 1));
+        assert_eq!(
+            codes(&rig),
+            [(Some(4), vec![0b0100_1000])],
+            "flag: {has_flag}"
+        );
+        assert_eq!(
+            (rig.view(0).run_state, rig.view(0).trip.seen),
+            (RunState::Tripped, 1)
+        );
     }
 }
 
@@ -261,19 +362,34 @@ fn a_second_bit_while_the_first_holds_is_another_trip_and_one_that_clears_is_non
         rig.pass(Duration::from_secs(3));
         let both = [(Some(4), vec![0b0000_1000]), (Some(4), vec![0b0100_1000])];
         assert_eq!(codes(&rig), both, "flag: {has_flag}");
-        rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0b0100_0000);
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .keep_trip_bits(0b0100_0000);
         rig.pass(Duration::from_secs(5));
-        assert_eq!((codes(&rig).len(), rig.view(0).trip.active), (2, Some(true)), "flag: {has_flag}");
+        assert_eq!(
+            (codes(&rig).len(), rig.view(0).trip.active),
+            (2, Some(true)),
+            "flag: {has_flag}"
+        );
         tripped(&mut rig, 4);
         rig.pass(Duration::from_secs(3));
-        assert_eq!(codes(&rig).len(), 3, "the bit is set again; flag: {has_flag}");
+        assert_eq!(
+            codes(&rig).len(),
+            3,
+            "the bit is set again; flag: {has_flag}"
+        );
     }
 }
 
 /// A drive whose trips are the bits of two words.
 fn of_two_words(order: WordOrder, has_flag: bool) -> Arc<Model> {
     let mut model = Model::clone(&showing(Role::TripBits, has_flag));
-    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripBits)).unwrap();
+    let register = model
+        .registers
+        .iter_mut()
+        .find(|it| it.role == Some(Role::TripBits))
+        .unwrap();
     register.address = 0x2540_u16.into();
     register.form.pair = Some(order);
     model.registers.sort_by_key(|it| it.address);
@@ -282,8 +398,11 @@ fn of_two_words(order: WordOrder, has_flag: bool) -> Arc<Model> {
 
 #[test]
 fn trips_of_two_words_are_all_told_once_also_after_the_line_was_lost() {
-    for (order, has_flag) in [(WordOrder::HighFirst, true), (WordOrder::LowFirst, true), (WordOrder::HighFirst, false)]
-    {
+    for (order, has_flag) in [
+        (WordOrder::HighFirst, true),
+        (WordOrder::LowFirst, true),
+        (WordOrder::HighFirst, false),
+    ] {
         let mut rig = rig_of(&of_two_words(order, has_flag), accepting());
         rig.pass(Duration::from_secs(3));
         let now = rig.now;
@@ -295,14 +414,29 @@ fn trips_of_two_words_are_all_told_once_also_after_the_line_was_lost() {
         assert_eq!(codes(&rig), first, "{order:?} {has_flag}");
         rig.reopen();
         rig.pass(Duration::from_secs(10));
-        assert_eq!(codes(&rig), first, "{order:?} {has_flag}: it holds as before");
+        assert_eq!(
+            codes(&rig),
+            first,
+            "{order:?} {has_flag}: it holds as before"
+        );
         tripped(&mut rig, 32);
         rig.pass(Duration::from_secs(5));
         let [first] = first;
-        assert_eq!(codes(&rig), [first, (Some(4), words(0x8008_0008))], "{order:?} {has_flag}");
-        rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0x8000_0000);
+        assert_eq!(
+            codes(&rig),
+            [first, (Some(4), words(0x8008_0008))],
+            "{order:?} {has_flag}"
+        );
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .keep_trip_bits(0x8000_0000);
         rig.pass(Duration::from_secs(5));
-        assert_eq!((codes(&rig).len(), rig.view(0).trip.active), (2, Some(true)), "{order:?} {has_flag}");
+        assert_eq!(
+            (codes(&rig).len(), rig.view(0).trip.active),
+            (2, Some(true)),
+            "{order:?} {has_flag}"
+        );
     }
 }
 
@@ -325,7 +459,10 @@ fn bits_that_clear_end_the_trip_once() {
     tripped(&mut rig, 4);
     rig.bus.drive_mut(Station(1)).unwrap().keep_trip_bits(0);
     rig.pass(Duration::from_secs(5));
-    assert_eq!((codes(&rig).len(), rig.trips.len(), rig.view(0).trip.active), (1, 2, Some(false)));
+    assert_eq!(
+        (codes(&rig).len(), rig.trips.len(), rig.view(0).trip.active),
+        (1, 2, Some(false))
+    );
     assert_eq!(rig.trips.last().unwrap().1.kind, TripEventKind::Cleared);
 }
 
@@ -340,5 +477,9 @@ fn an_old_cause_while_the_flag_is_clear_is_no_trip() {
     assert_eq!((told(&rig), rig.trips.len()), (1, 2), "{:?}", rig.trips);
     rig.reopen();
     rig.pass(Duration::from_secs(30));
-    assert_eq!((told(&rig), rig.view(0).trip.active), (1, Some(false)), "the cause is still shown");
+    assert_eq!(
+        (told(&rig), rig.view(0).trip.active),
+        (1, Some(false)),
+        "the cause is still shown"
+    );
 }

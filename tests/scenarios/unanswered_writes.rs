@@ -42,7 +42,11 @@ fn tripped() -> Rig {
 /// The times between the write of `address` and the next frame to the drive.
 fn pause_after(rig: &Rig, address: u16) -> Duration {
     let place = address.to_be_bytes();
-    let at = rig.sent.iter().position(|sent| sent.pdu[0] != 3 && sent.pdu[1..3] == place).expect("it was written");
+    let at = rig
+        .sent
+        .iter()
+        .position(|sent| sent.pdu[0] != 3 && sent.pdu[1..3] == place)
+        .expect("it was written");
     rig.sent[at + 1].at.since(rig.sent[at].at)
 }
 
@@ -52,20 +56,41 @@ fn a_parameter_is_written_once_and_confirmed_by_what_is_read() {
     let silent = rig.core.counters().silent;
     let ticket = rig.command(MQTT, 0, register(APPLICATION, 7));
     assert_eq!(rig.outcome_of(ticket), CONFIRMED);
-    assert!(rig.told(ticket).iter().all(|(outcome, ..)| *outcome != Outcome::Acknowledged), "{:?}", rig.told(ticket));
+    assert!(
+        rig.told(ticket)
+            .iter()
+            .all(|(outcome, ..)| *outcome != Outcome::Acknowledged),
+        "{:?}",
+        rig.told(ticket)
+    );
     assert_eq!(rig.written(APPLICATION), [7]);
-    assert!(pause_after(&rig, APPLICATION) >= SECOND * 2, "it is left alone: {:?}", pause_after(&rig, APPLICATION));
-    assert_eq!(rig.core.counters().silent, silent, "nothing is wrong with the line");
+    assert!(
+        pause_after(&rig, APPLICATION) >= SECOND * 2,
+        "it is left alone: {:?}",
+        pause_after(&rig, APPLICATION)
+    );
+    assert_eq!(
+        rig.core.counters().silent,
+        silent,
+        "nothing is wrong with the line"
+    );
     assert_eq!(rig.view(0).snapshot.presence, Presence::Online);
     rig.live(SECOND * 11);
-    assert_eq!(write(&mut rig, APPLICATION, &[8]), NativeOutcome::Written, "a client gets its answer from the reading");
+    assert_eq!(
+        write(&mut rig, APPLICATION, &[8]),
+        NativeOutcome::Written,
+        "a client gets its answer from the reading"
+    );
     assert_eq!(rig.written(APPLICATION), [7, 8]);
 }
 
 #[test]
 fn what_nothing_shows_is_unknown_and_never_sent_again() {
     let mut rig = at_rest();
-    assert_eq!(rig.commanded(MQTT, register(CLEAR, 1)), (Outcome::Unknown, Reason::NoReply));
+    assert_eq!(
+        rig.commanded(MQTT, register(CLEAR, 1)),
+        (Outcome::Unknown, Reason::NoReply)
+    );
     rig.live(SECOND * 11);
     assert_eq!(rig.written(CLEAR), [1]);
     assert_eq!(write(&mut rig, CLEAR, &[1]), NativeOutcome::NoReply);
@@ -75,25 +100,41 @@ fn what_nothing_shows_is_unknown_and_never_sent_again() {
 fn a_reset_by_a_restart_is_seen_by_the_trip_that_is_gone() {
     let mut rig = tripped();
     assert_eq!(rig.commanded(MQTT, Order::Reset), CONFIRMED);
-    assert_eq!((rig.written(RUN), rig.written(RESTART)), (vec![1], vec![9]), "the stop comes first, and is answered");
+    assert_eq!(
+        (rig.written(RUN), rig.written(RESTART)),
+        (vec![1], vec![9]),
+        "the stop comes first, and is answered"
+    );
     assert!(pause_after(&rig, RESTART) >= SECOND);
     rig.live(SECOND * 4);
-    assert_eq!((rig.view(0).run_state, rig.view(0).trip.active), (RunState::Stopped, Some(false)));
+    assert_eq!(
+        (rig.view(0).run_state, rig.view(0).trip.active),
+        (RunState::Stopped, Some(false))
+    );
     assert_eq!(rig.output(1), 0, "nothing starts");
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))),
+        CONFIRMED
+    );
 }
 
 #[test]
 fn a_write_that_never_arrived_is_no_success() {
     let mut rig = tripped();
     rig.swallows = Some(vec![6, 0x02, 0x00, 0x00, 0x09]);
-    assert_eq!(rig.commanded(MQTT, Order::Reset), (Outcome::Failed, Reason::NotReadBack));
+    assert_eq!(
+        rig.commanded(MQTT, Order::Reset),
+        (Outcome::Failed, Reason::NotReadBack)
+    );
     assert_eq!(rig.written(RESTART), [9], "it is sent once");
     assert_eq!(rig.view(0).trip.active, Some(true));
 
     let mut rig = at_rest();
     rig.swallows = Some(vec![6, 0x01, 0x01, 0x00, 0x07]);
-    assert_eq!(rig.commanded(LOCAL, register(APPLICATION, 7)), (Outcome::Failed, Reason::NotReadBack));
+    assert_eq!(
+        rig.commanded(LOCAL, register(APPLICATION, 7)),
+        (Outcome::Failed, Reason::NotReadBack)
+    );
     assert_eq!(rig.written(APPLICATION), [7]);
 }
 
@@ -116,7 +157,10 @@ fn a_drive_that_does_not_come_back_leaves_it_unknown() {
 fn a_stop_does_not_wait_for_the_drive_to_hear_again() {
     let mut rig = at_rest();
     assert_eq!(rig.commanded(MQTT, setpoint(2000)), CONFIRMED);
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, None)), CONFIRMED);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, None)),
+        CONFIRMED
+    );
     rig.live(SECOND * 3);
     rig.sent.clear();
     let parameter = rig.command(MQTT, 0, register(APPLICATION, 7));
@@ -128,8 +172,16 @@ fn a_stop_does_not_wait_for_the_drive_to_hear_again() {
     while rig.written(RUN).is_empty() {
         rig.step(rig.now + SECOND);
     }
-    assert!(rig.now.since(accepted) < Duration::from_millis(700), "{:?}", rig.now.since(accepted));
-    assert_eq!(rig.outcome_of(stop), CONFIRMED, "it is sent again when the drive hears");
+    assert!(
+        rig.now.since(accepted) < Duration::from_millis(700),
+        "{:?}",
+        rig.now.since(accepted)
+    );
+    assert_eq!(
+        rig.outcome_of(stop),
+        CONFIRMED,
+        "it is sent again when the drive hears"
+    );
     assert!(rig.written(RUN).len() > 1);
     assert_eq!(rig.outcome_of(parameter).0, Outcome::Unknown);
     rig.live(SECOND * 10);

@@ -19,10 +19,16 @@ const SECOND: Duration = Duration::from_secs(1);
 
 /// The register of `flag`, and words in it that no document names for it: with a low bit more, and with a high one.
 fn undocumented(model: &Model, flag: Flag) -> Vec<(Address, u16)> {
-    let Some(flag) = model.status_flag(flag) else { return Vec::new() };
+    let Some(flag) = model.status_flag(flag) else {
+        return Vec::new();
+    };
     let words = (0..=u16::MAX).filter(|word| flag.reads(*word).is_none());
     let high = words.clone().find(|word| *word > 0x00FF);
-    words.take(1).chain(high).map(|word| (flag.address, word)).collect()
+    words
+        .take(1)
+        .chain(high)
+        .map(|word| (flag.address, word))
+        .collect()
 }
 
 fn drive(rig: &mut Rig) -> &mut SimDrive {
@@ -38,7 +44,10 @@ fn running(model: &Arc<Model>) -> Rig {
 }
 
 fn told(rig: &Rig, state: UndocumentedState) -> usize {
-    rig.notes.iter().filter(|(_, note)| *note == Note::Undocumented(state)).count()
+    rig.notes
+        .iter()
+        .filter(|(_, note)| *note == Note::Undocumented(state))
+        .count()
 }
 
 #[test]
@@ -52,7 +61,9 @@ fn it_ends_no_stop_of_any_model() {
         for (address, word) in words {
             let mut rig = running(model);
             // It acknowledges the stop, and turns on.
-            let output = model.register_for(Role::OutputFrequency).expect("it shows its output");
+            let output = model
+                .register_for(Role::OutputFrequency)
+                .expect("it shows its output");
             for part in output.address.onwards().take(output.form.words().into()) {
                 let held = rig.view(0).snapshot.reading(part).expect("it was read").raw;
                 drive(&mut rig).shows_at(part, held);
@@ -63,13 +74,31 @@ fn it_ends_no_stop_of_any_model() {
             assert!(state.is_running(), "0x{word:04X}: {state:?}");
             let ticket = rig.command(MQTT, 0, STOP);
             rig.live(SECOND * 12);
-            let confirmed = rig.told(ticket).iter().any(|(outcome, ..)| *outcome == Outcome::Confirmed);
+            let confirmed = rig
+                .told(ticket)
+                .iter()
+                .any(|(outcome, ..)| *outcome == Outcome::Confirmed);
             assert!(!confirmed, "0x{word:04X}: {:?}", rig.told(ticket));
             let control = rig.view(0).control.unwrap();
-            assert!(control.stop_pending && control.not_effective, "0x{word:04X}");
-            assert!(rig.notes.iter().any(|(_, note)| *note == Note::NotEffective), "0x{word:04X}");
-            assert_eq!(told(&rig, UndocumentedState { address, word }), 1, "0x{word:04X}");
-            assert_eq!(rig.view(0).status.undocumented, Some(UndocumentedState { address, word }));
+            assert!(
+                control.stop_pending && control.not_effective,
+                "0x{word:04X}"
+            );
+            assert!(
+                rig.notes
+                    .iter()
+                    .any(|(_, note)| *note == Note::NotEffective),
+                "0x{word:04X}"
+            );
+            assert_eq!(
+                told(&rig, UndocumentedState { address, word }),
+                1,
+                "0x{word:04X}"
+            );
+            assert_eq!(
+                rig.view(0).status.undocumented,
+                Some(UndocumentedState { address, word })
+            );
             played.set(played.get() + 1);
         }
     });
@@ -89,7 +118,12 @@ fn it_clears_no_trip_of_any_model() {
             drive(&mut rig).shows_at(address, word);
             rig.live(SECOND * 5);
             assert_eq!(rig.view(0).run_state, RunState::Tripped, "0x{word:04X}");
-            assert!(rig.trips.iter().all(|(_, event)| event.kind != TripEventKind::Cleared), "0x{word:04X}");
+            assert!(
+                rig.trips
+                    .iter()
+                    .all(|(_, event)| event.kind != TripEventKind::Cleared),
+                "0x{word:04X}"
+            );
         }
     });
 }
@@ -102,14 +136,24 @@ fn the_run_state_follows_the_output_until_a_documented_state_is_back() {
         drive(&mut rig).shows_at(address, word);
         rig.live(SECOND * 3);
         assert_eq!(rig.view(0).run_state, RunState::Forward, "0x{word:04X}");
-        assert_eq!(rig.view(0).status.undocumented, Some(UndocumentedState { address, word }));
+        assert_eq!(
+            rig.view(0).status.undocumented,
+            Some(UndocumentedState { address, word })
+        );
     }
     drive(&mut rig).shows_the_truth();
     rig.live(SECOND * 3);
-    assert_eq!((rig.view(0).run_state, rig.view(0).status.undocumented), (RunState::Forward, None));
+    assert_eq!(
+        (rig.view(0).run_state, rig.view(0).status.undocumented),
+        (RunState::Forward, None)
+    );
     for word in [7, 8, 7, 8] {
         drive(&mut rig).shows_at(address, word);
         rig.live(SECOND * 2);
     }
-    assert_eq!(told(&rig, UndocumentedState { address, word: 7 }), 1, "each is told once");
+    assert_eq!(
+        told(&rig, UndocumentedState { address, word: 7 }),
+        1,
+        "each is told once"
+    );
 }

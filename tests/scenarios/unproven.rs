@@ -17,15 +17,29 @@ const SECOND: Duration = Duration::from_secs(1);
 const FACTS: &[(&str, &[ControlAction], &[ControlAction])] = &[
     ("hyundai-n700", &[], &[Release]),
     ("hyundai-n100plus", &[], &[Coast, Release]),
-    ("toshiba-vf-as1", &[Basic, Reverse, Coast, Reset, Release], &[]),
-    ("toshiba-vf-s15", &[Basic, Reverse, Coast, Reset, Release], &[]),
+    (
+        "toshiba-vf-as1",
+        &[Basic, Reverse, Coast, Reset, Release],
+        &[],
+    ),
+    (
+        "toshiba-vf-s15",
+        &[Basic, Reverse, Coast, Reset, Release],
+        &[],
+    ),
     ("teco-e510", &[Basic, Reverse, Reset], &[Coast, Release]),
     ("teco-e510s", &[Basic, Reverse, Reset], &[Coast, Release]),
     ("frecon-fr500a", &[], &[Release]),
 ];
 
 fn rig(id: &str, accept_unverified: Vec<ControlAction>) -> Rig {
-    rig_of(&model(id), ControlSettings { accept_unverified, ..accepting() })
+    rig_of(
+        &model(id),
+        ControlSettings {
+            accept_unverified,
+            ..accepting()
+        },
+    )
 }
 
 fn order_of(action: ControlAction) -> Order {
@@ -64,7 +78,10 @@ fn every_model_is_in_the_table() {
 fn an_unproven_action_is_off_until_the_file_accepts_that_very_one() {
     for (id, unproven, cannot) in FACTS {
         for action in ACTIONS {
-            let others: Vec<_> = ACTIONS.into_iter().filter(|other| *other != action).collect();
+            let others: Vec<_> = ACTIONS
+                .into_iter()
+                .filter(|other| *other != action)
+                .collect();
             let mut rig = ready_for(action, id, others);
             let told = rig.commanded(MQTT, order_of(action));
             let refusal = if cannot.contains(&action) {
@@ -75,7 +92,11 @@ fn an_unproven_action_is_off_until_the_file_accepts_that_very_one() {
             match refusal {
                 Some(reason) => {
                     assert_eq!(told, (Outcome::Refused, reason), "{id}: {action:?}");
-                    assert!(rig.writes().is_empty(), "{id}: {action:?}: {:02X?}", rig.writes());
+                    assert!(
+                        rig.writes().is_empty(),
+                        "{id}: {action:?}: {:02X?}",
+                        rig.writes()
+                    );
                 }
                 None => assert_eq!(told.1, Reason::None, "{id}: {action:?}: {told:?}"),
             }
@@ -89,7 +110,10 @@ fn what_is_accepted_is_done() {
         for action in *unproven {
             let mut rig = ready_for(*action, id, vec![Basic, *action]);
             let (outcome, reason) = rig.commanded(MQTT, order_of(*action));
-            assert!(matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {action:?}: {reason:?}");
+            assert!(
+                matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged),
+                "{id}: {action:?}: {reason:?}"
+            );
             assert!(!rig.writes().is_empty(), "{id}: {action:?}");
         }
     }
@@ -99,16 +123,31 @@ fn what_is_accepted_is_done() {
 fn forward_needs_what_it_rests_on_and_a_stop_is_never_refused_for_that() {
     for (id, unproven, _) in FACTS {
         let mut rig = rig(id, Vec::new());
-        for order in [run(Direction::Forward, Some(2000)), run(Direction::Forward, None), setpoint(2000)] {
+        for order in [
+            run(Direction::Forward, Some(2000)),
+            run(Direction::Forward, None),
+            setpoint(2000),
+        ] {
             let (outcome, reason) = rig.commanded(MQTT, order);
             if unproven.contains(&Basic) {
-                assert_eq!((outcome, reason), (Outcome::Refused, Reason::Unverified), "{id}");
+                assert_eq!(
+                    (outcome, reason),
+                    (Outcome::Refused, Reason::Unverified),
+                    "{id}"
+                );
                 assert!(rig.writes().is_empty(), "{id}: {:02X?}", rig.writes());
             } else {
-                assert!(matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged), "{id}: {reason:?}");
+                assert!(
+                    matches!(outcome, Outcome::Confirmed | Outcome::Acknowledged),
+                    "{id}: {reason:?}"
+                );
             }
         }
         let stop = Order::Stop { setpoint: None };
-        assert_eq!(rig.commanded(MQTT, stop), (Outcome::Confirmed, Reason::None), "{id}");
+        assert_eq!(
+            rig.commanded(MQTT, stop),
+            (Outcome::Confirmed, Reason::None),
+            "{id}"
+        );
     }
 }

@@ -43,9 +43,16 @@ fn for_a_while(rig: &mut Rig, word: u16, time: Duration) {
     rig.live(SECOND * 20);
     let told = format!("0x{word:04X} for {time:?}");
     assert!(rig.trips.is_empty(), "{told}: {:?}", rig.trips);
-    assert_eq!((rig.view(0).trip.count, rig.view(0).usage.totals.trips), (count, before.trips), "{told}");
+    assert_eq!(
+        (rig.view(0).trip.count, rig.view(0).usage.totals.trips),
+        (count, before.trips),
+        "{told}"
+    );
     let view = rig.view(0);
-    assert_eq!((view.control.unwrap().intent, view.run_state), (RunIntent::Run(Direction::Forward), RunState::Forward));
+    assert_eq!(
+        (view.control.unwrap().intent, view.run_state),
+        (RunIntent::Run(Direction::Forward), RunState::Forward)
+    );
 }
 
 #[test]
@@ -57,8 +64,13 @@ fn zeros_or_ones_for_a_moment_are_no_trips() {
             let now = rig.now;
             drive(&mut rig).trip(now, 7);
             rig.live(SECOND * 5);
-            let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
-            assert!(matches!(event.kind, TripEventKind::Tripped { trips: 1, .. }), "{event:?}");
+            let [(_, event)] = rig.trips.as_slice() else {
+                panic!("{:?}", rig.trips)
+            };
+            assert!(
+                matches!(event.kind, TripEventKind::Tripped { trips: 1, .. }),
+                "{event:?}"
+            );
         }
     }
 }
@@ -68,7 +80,11 @@ fn zeros_or_ones_for_a_moment_are_no_trips() {
 fn a_block_that_is_doubted_is_read_again_a_second_later() {
     let places = [0x0211, 0x0212];
     let hourly = model_with("hyundai-n700", |model| {
-        for register in model.registers.iter_mut().filter(|it| places.contains(&it.address.number())) {
+        for register in model
+            .registers
+            .iter_mut()
+            .filter(|it| places.contains(&it.address.number()))
+        {
             register.poll = Some(PollClass::Hourly);
         }
     });
@@ -77,15 +93,28 @@ fn a_block_that_is_doubted_is_read_again_a_second_later() {
     drive(&mut rig).shows_everywhere(u16::MAX);
     rig.sent.clear();
     rig.live(SECOND * 3700);
-    let reads: Vec<_> = rig.sent.iter().filter(|sent| sent.pdu.starts_with(&[3, 0x02, 0x11])).map(|it| it.at).collect();
-    let [first, again] = reads.as_slice() else { panic!("{reads:?}") };
-    assert!((SECOND..SECOND * 2).contains(&again.since(*first)), "{reads:?}");
+    let reads: Vec<_> = rig
+        .sent
+        .iter()
+        .filter(|sent| sent.pdu.starts_with(&[3, 0x02, 0x11]))
+        .map(|it| it.at)
+        .collect();
+    let [first, again] = reads.as_slice() else {
+        panic!("{reads:?}")
+    };
+    assert!(
+        (SECOND..SECOND * 2).contains(&again.since(*first)),
+        "{reads:?}"
+    );
 }
 
 #[test]
 fn a_count_that_was_cleared_at_the_drive_is_believed_after_ten_seconds() {
     let mut rig = running("hyundai-n700");
-    let count = model("hyundai-n700").register_for(Role::TripCount).unwrap().address;
+    let count = model("hyundai-n700")
+        .register_for(Role::TripCount)
+        .unwrap()
+        .address;
     drive(&mut rig).shows_at(count, 0);
     rig.live(SECOND * 8);
     assert_eq!((rig.view(0).trip.count, rig.trips.len()), (Some(5), 0));
@@ -108,7 +137,12 @@ fn an_energy_counter_that_falls_for_a_moment_adds_nothing() {
     drive(&mut rig).shows_at(energy.checked_add(1).unwrap(), 5);
     let is_read = |rig: &mut Rig, steps: u16| {
         drive(rig).shows_at(energy, steps);
-        let shown = |rig: &Rig| rig.view(0).snapshot.reading(energy).map(|reading| reading.raw);
+        let shown = |rig: &Rig| {
+            rig.view(0)
+                .snapshot
+                .reading(energy)
+                .map(|reading| reading.raw)
+        };
         // It is read once a minute.
         for _ in 0..65 {
             if shown(rig) == Some(steps) {
@@ -133,7 +167,12 @@ fn a_block_of_zeros_is_believed_only_when_it_was_read_again_a_second_later() {
     let link = model.register_for(Role::DcLinkVoltage).unwrap().address;
     let mut rig = rig_of(&model, accepting());
     rig.live(SECOND * 5);
-    let shown = |rig: &Rig| rig.view(0).snapshot.reading(link).map(|reading| reading.raw);
+    let shown = |rig: &Rig| {
+        rig.view(0)
+            .snapshot
+            .reading(link)
+            .map(|reading| reading.raw)
+    };
     let before = shown(&rig);
     assert!(before.is_some_and(|volts| volts > 0), "{before:?}");
     for _ in 0..5 {
@@ -155,14 +194,23 @@ fn a_block_of_zeros_is_believed_only_when_it_was_read_again_a_second_later() {
 #[test]
 fn an_output_beyond_twice_the_range_is_no_reading() {
     let model = model_with("teco-e510", |model| {
-        let command = model.registers.iter_mut().find(|it| it.role == Some(Role::FrequencyCommand)).unwrap();
+        let command = model
+            .registers
+            .iter_mut()
+            .find(|it| it.role == Some(Role::FrequencyCommand))
+            .unwrap();
         command.range = Some(0..=30_000);
     });
     let output = model.register_for(Role::OutputFrequency).unwrap().address;
     let mut rig = rig_of(&model, accepting());
     rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
     rig.live(SECOND * 12);
-    let shown = |rig: &Rig| rig.view(0).snapshot.reading(output).map(|reading| reading.raw);
+    let shown = |rig: &Rig| {
+        rig.view(0)
+            .snapshot
+            .reading(output)
+            .map(|reading| reading.raw)
+    };
     assert!(shown(&rig).is_some());
     drive(&mut rig).shows_at(output, 65_000);
     rig.live(SECOND * 5);

@@ -12,7 +12,10 @@ use vfd_gateway::journal::{Entry, KeptUsage, Remembered};
 const POLL: Duration = Duration::from_millis(200);
 
 fn rig(keeps: bool) -> Rig {
-    Rig::new(&RigOptions { keeps, ..RigOptions::controlled() })
+    Rig::new(&RigOptions {
+        keeps,
+        ..RigOptions::controlled()
+    })
 }
 
 /// Runs the drive for `time`, and lets it come to rest.
@@ -32,7 +35,13 @@ fn sums(rig: &Rig) -> UsageTotals {
 
 /// What was returned to be kept.
 fn kept(rig: &Rig) -> Vec<KeptUsage> {
-    let usage = |entry: &&Entry| if let Entry::Usage(usage) = entry { Some(*usage) } else { None };
+    let usage = |entry: &&Entry| {
+        if let Entry::Usage(usage) = entry {
+            Some(*usage)
+        } else {
+            None
+        }
+    };
     rig.entries().iter().filter_map(usage).collect()
 }
 
@@ -45,11 +54,18 @@ fn running_time_starts_and_trips_are_counted_once() {
     assert_eq!((used.starts, used.trips), (2, 0));
     // Each run lasts as long as it was ordered, and its ramp down.
     let least = Duration::from_secs(30) - 4 * POLL;
-    assert!(used.running >= least && used.running < Duration::from_secs(90), "{used:?}");
+    assert!(
+        used.running >= least && used.running < Duration::from_secs(90),
+        "{used:?}"
+    );
     let now = rig.now;
     rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
     rig.pass(Duration::from_secs(60));
-    assert_eq!(sums(&rig), UsageTotals { trips: 1, ..used }, "nothing else goes on at rest");
+    assert_eq!(
+        sums(&rig),
+        UsageTotals { trips: 1, ..used },
+        "nothing else goes on at rest"
+    );
 }
 
 #[test]
@@ -66,10 +82,17 @@ fn a_sum_is_shown_when_it_is_in_the_journal_and_never_falls_after_a_kill() {
     rig.live(Duration::from_secs(20));
     let unkept = kept(&rig).len() - before;
     assert!((5..=7).contains(&unkept), "every three seconds: {unkept}");
-    assert_eq!(sums(&rig).running, shown.running, "what is not durable is not shown");
+    assert_eq!(
+        sums(&rig).running,
+        shown.running,
+        "what is not durable is not shown"
+    );
     // The process is killed, and the newest row was not written.
     let written = kept(&rig)[before + 3];
-    rig.restart(Remembered { usage: written, ..Remembered::default() });
+    rig.restart(Remembered {
+        usage: written,
+        ..Remembered::default()
+    });
     assert_eq!(sums(&rig), written.totals, "before the drive is seen");
     rig.pass(Duration::from_secs(10));
     rig.all_is_kept();
@@ -88,7 +111,10 @@ fn the_running_time_of_a_trip_is_kept_before_the_trip() {
     rig.bus.drive_mut(Station(1)).unwrap().trip(now, 7);
     rig.pass(Duration::from_secs(2));
     let entries = rig.entries();
-    let trip = entries.iter().position(|entry| matches!(entry, Entry::Trip(..))).unwrap();
+    let trip = entries
+        .iter()
+        .position(|entry| matches!(entry, Entry::Trip(..)))
+        .unwrap();
     let usage = entries[..trip].iter().rev().find_map(|entry| match entry {
         Entry::Usage(usage) => Some(usage.totals),
         _ => None,
@@ -102,13 +128,25 @@ fn the_running_time_of_a_trip_is_kept_before_the_trip() {
 fn a_reset_is_recorded_with_who_asked_for_it_and_everything_begins_at_0() {
     let mut rig = rig(true);
     run_for(&mut rig, Duration::from_secs(10));
-    rig.core.handle(rig.now, Input::ResetUsage(DriveIndex(0), Owner::Local));
+    rig.core
+        .handle(rig.now, Input::ResetUsage(DriveIndex(0), Owner::Local));
     rig.settle();
     let entries = rig.entries();
-    let reset = entries.iter().position(|entry| **entry == Entry::UsageReset { owner: Owner::Local }).unwrap();
+    let reset = entries
+        .iter()
+        .position(|entry| {
+            **entry
+                == Entry::UsageReset {
+                    owner: Owner::Local,
+                }
+        })
+        .unwrap();
     assert_eq!(
         *entries[reset + 1],
-        Entry::Usage(KeptUsage { totals: UsageTotals::default(), ..*kept(&rig).last().unwrap() })
+        Entry::Usage(KeptUsage {
+            totals: UsageTotals::default(),
+            ..*kept(&rig).last().unwrap()
+        })
     );
     assert_ne!(sums(&rig), UsageTotals::default(), "it is not durable yet");
     rig.all_is_kept();

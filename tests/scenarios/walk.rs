@@ -27,7 +27,13 @@ fn rig(model: &Arc<Model>) -> Rig {
 
 /// A rig with a commander that may be unable to renew its lease for a while.
 fn patient(model: &Arc<Model>) -> Rig {
-    rig_of(model, ControlSettings { lost_after: SECOND * 60, ..accepting() })
+    rig_of(
+        model,
+        ControlSettings {
+            lost_after: SECOND * 60,
+            ..accepting()
+        },
+    )
 }
 
 /// Plays `walk` with every model that takes orders.
@@ -47,19 +53,29 @@ fn has(model: &Model, kind: OrderKind) -> bool {
 /// Commands and demands success: confirmed where the model shows it, acknowledged where it does not.
 fn does(rig: &mut Rig, order: Order) {
     let told = rig.commanded(MQTT, order.clone());
-    let succeeded = matches!(told, (Outcome::Confirmed | Outcome::Acknowledged, Reason::None));
+    let succeeded = matches!(
+        told,
+        (Outcome::Confirmed | Outcome::Acknowledged, Reason::None)
+    );
     assert!(succeeded, "{order:?}: {told:?}");
 }
 
 #[track_caller]
 fn refuses(rig: &mut Rig, order: Order, reason: Reason) {
-    assert_eq!(rig.commanded(MQTT, order.clone()), (Outcome::Refused, reason), "{order:?}");
+    assert_eq!(
+        rig.commanded(MQTT, order.clone()),
+        (Outcome::Refused, reason),
+        "{order:?}"
+    );
 }
 
 #[track_caller]
 fn turns_at(rig: &mut Rig, centihertz: i64) {
     let output = rig.output(1);
-    assert!((output - centihertz).abs() <= ROUNDED, "{output} and not {centihertz}");
+    assert!(
+        (output - centihertz).abs() <= ROUNDED,
+        "{output} and not {centihertz}"
+    );
 }
 
 /// Runs at 30 Hz.
@@ -71,9 +87,15 @@ fn runs_forward(rig: &mut Rig) {
 
 /// A stop is effective, and the motor comes to rest.
 fn stops(rig: &mut Rig) {
-    assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(MQTT, STOP),
+        (Outcome::Confirmed, Reason::None)
+    );
     rig.live(SECOND * 12);
-    assert_eq!((rig.output(1), rig.view(0).run_state), (0, RunState::Stopped));
+    assert_eq!(
+        (rig.output(1), rig.view(0).run_state),
+        (0, RunState::Stopped)
+    );
 }
 
 #[test]
@@ -82,8 +104,16 @@ fn every_polled_register_is_read_and_the_drive_found_at_rest() {
         let rig = rig(model);
         let view = rig.view(0);
         assert!(view.is_online());
-        for register in model.registers.iter().filter(|register| register.poll.is_some()) {
-            assert!(view.snapshot.reading(register.address).is_some(), "{}", register.name);
+        for register in model
+            .registers
+            .iter()
+            .filter(|register| register.poll.is_some())
+        {
+            assert!(
+                view.snapshot.reading(register.address).is_some(),
+                "{}",
+                register.name
+            );
         }
         if model.register_for(Role::OutputFrequency).is_some() {
             assert_eq!(view.run_state, RunState::Stopped);
@@ -96,19 +126,39 @@ fn every_polled_register_is_read_and_the_drive_found_at_rest() {
 fn a_drive_that_is_only_read_gets_no_order() {
     each(|model| {
         let only_read = model.run.is_none();
-        let mut rig = if only_read { rig(model) } else { Rig::new(&read_only(model)) };
+        let mut rig = if only_read {
+            rig(model)
+        } else {
+            Rig::new(&read_only(model))
+        };
         rig.sent.clear();
-        for order in [STOP, setpoint(3000), run(Direction::Forward, Some(3000)), Order::Coast, Order::Reset] {
+        for order in [
+            STOP,
+            setpoint(3000),
+            run(Direction::Forward, Some(3000)),
+            Order::Coast,
+            Order::Reset,
+        ] {
             let (outcome, reason) = rig.commanded(MQTT, order.clone());
-            let right = if only_read { [Reason::NotCapable, Reason::ReadOnly] } else { [Reason::ReadOnly; 2] };
-            assert!(outcome == Outcome::Refused && right.contains(&reason), "{order:?}: {outcome:?} {reason:?}");
+            let right = if only_read {
+                [Reason::NotCapable, Reason::ReadOnly]
+            } else {
+                [Reason::ReadOnly; 2]
+            };
+            assert!(
+                outcome == Outcome::Refused && right.contains(&reason),
+                "{order:?}: {outcome:?} {reason:?}"
+            );
         }
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
     });
 }
 
 fn read_only(model: &Arc<Model>) -> crate::support::RigOptions {
-    crate::support::RigOptions { control: None, ..crate::support::families::options_of(model, accepting()) }
+    crate::support::RigOptions {
+        control: None,
+        ..crate::support::families::options_of(model, accepting())
+    }
 }
 
 #[test]
@@ -118,7 +168,12 @@ fn every_drive_takes_a_setpoint_runs_both_ways_and_stops() {
         does(&mut rig, setpoint(3000));
         for (direction, kind, shown, sign) in [
             (Direction::Forward, OrderKind::Forward, RunState::Forward, 1),
-            (Direction::Reverse, OrderKind::Reverse, RunState::Reverse, -1),
+            (
+                Direction::Reverse,
+                OrderKind::Reverse,
+                RunState::Reverse,
+                -1,
+            ),
         ] {
             if !has(model, kind) {
                 refuses(&mut rig, run(direction, None), Reason::NotCapable);
@@ -144,7 +199,11 @@ fn every_drive_coasts_or_refuses_by_name() {
         let mut rig = rig(model);
         runs_forward(&mut rig);
         let can = has(model, OrderKind::Coast);
-        let expected = if can { (Outcome::Confirmed, Reason::None) } else { (Outcome::Refused, Reason::NotCapable) };
+        let expected = if can {
+            (Outcome::Confirmed, Reason::None)
+        } else {
+            (Outcome::Refused, Reason::NotCapable)
+        };
         assert_eq!(rig.commanded(MQTT, Order::Coast), expected);
         rig.live(SECOND);
         let intent = rig.view(0).control.unwrap().intent;
@@ -156,7 +215,12 @@ fn every_drive_coasts_or_refuses_by_name() {
 
 /// A trip that the model knows, or any number where it knows none.
 fn cause(model: &Model) -> u16 {
-    model.trip_codes.iter().map(|it| it.code).find(|code| *code > 0).unwrap_or(2)
+    model
+        .trip_codes
+        .iter()
+        .map(|it| it.code)
+        .find(|code| *code > 0)
+        .unwrap_or(2)
 }
 
 #[test]
@@ -168,16 +232,30 @@ fn every_drive_trips_is_reported_once_and_is_reset() {
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, cause);
         rig.live(SECOND * 4);
         if model.trip_register().is_none() {
-            assert!(rig.trips.is_empty(), "nothing shows a trip: {:?}", rig.trips);
+            assert!(
+                rig.trips.is_empty(),
+                "nothing shows a trip: {:?}",
+                rig.trips
+            );
             return stops(&mut rig);
         }
-        let [(_, event)] = rig.trips.as_slice() else { panic!("{:?}", rig.trips) };
-        let TripEventKind::Tripped { trips: 1, record } = &event.kind else { panic!("{event:?}") };
-        if [Role::TripCode, Role::TripCause, Role::TripBits].iter().any(|it| model.register_for(*it).is_some()) {
+        let [(_, event)] = rig.trips.as_slice() else {
+            panic!("{:?}", rig.trips)
+        };
+        let TripEventKind::Tripped { trips: 1, record } = &event.kind else {
+            panic!("{event:?}")
+        };
+        if [Role::TripCode, Role::TripCause, Role::TripBits]
+            .iter()
+            .any(|it| model.register_for(*it).is_some())
+        {
             assert_eq!(record.code, Some(cause));
         }
         let view = rig.view(0);
-        assert_eq!((view.run_state, view.trip.active), (RunState::Tripped, Some(true)));
+        assert_eq!(
+            (view.run_state, view.trip.active),
+            (RunState::Tripped, Some(true))
+        );
         refuses(&mut rig, run(Direction::Forward, None), Reason::Tripped);
         if has(model, OrderKind::Reset) {
             does(&mut rig, Order::Reset);
@@ -189,7 +267,11 @@ fn every_drive_trips_is_reported_once_and_is_reset() {
         rig.live(SECOND * 4);
         assert_eq!(rig.trips.last().unwrap().1.kind, TripEventKind::Cleared);
         assert_eq!(rig.trips.len(), 2, "{:?}", rig.trips);
-        assert_eq!((rig.output(1), rig.view(0).run_state), (0, RunState::Stopped), "no run is left over");
+        assert_eq!(
+            (rig.output(1), rig.view(0).run_state),
+            (0, RunState::Stopped),
+            "no run is left over"
+        );
         does(&mut rig, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 2);
         assert!(rig.output(1) > 0, "a fresh order runs it");
@@ -202,11 +284,22 @@ fn what_a_drive_must_not_be_reported_never_reaches_its_line() {
     each_that_runs(|model| {
         let mut rig = rig(model);
         rig.sent.clear();
-        for wrong in [setpoint(5001), setpoint(499), run(Direction::Forward, Some(6000))] {
+        for wrong in [
+            setpoint(5001),
+            setpoint(499),
+            run(Direction::Forward, Some(6000)),
+        ] {
             refuses(&mut rig, wrong, Reason::OutsideLimits);
         }
         for (address, value) in forbidden(model) {
-            let ticket = rig.ask(1, 0, NativeAsk::Write { address, values: vec![value] });
+            let ticket = rig.ask(
+                1,
+                0,
+                NativeAsk::Write {
+                    address,
+                    values: vec![value],
+                },
+            );
             let outcome = rig.answer_to(ticket);
             let refused = matches!(outcome, NativeOutcome::Refused(Refusal::Guard(_)));
             assert!(refused, "{address} = {value:04X}: {outcome:?}");
@@ -218,22 +311,46 @@ fn what_a_drive_must_not_be_reported_never_reaches_its_line() {
 /// Writes to a drive's own registers that are not commands, which no client may make.
 fn forbidden(model: &Model) -> Vec<(Address, u16)> {
     let run = model.run.as_ref().unwrap();
-    let command = model.register_for(Role::RunCommand).map(|register| register.address);
-    let words = (0..16).map(|bit| 1_u16 << bit).chain([3, 0x9000, 0xFFFF]).chain(run.never.iter().map(|it| it.value));
+    let command = model
+        .register_for(Role::RunCommand)
+        .map(|register| register.address);
+    let words = (0..16)
+        .map(|bit| 1_u16 << bit)
+        .chain([3, 0x9000, 0xFFFF])
+        .chain(run.never.iter().map(|it| it.value));
     let is_unknown = |at: Address, word: u16| {
         let zero = word == 0 || run.order_in(word).is_some();
         !zero && model.orders_at(at).all(|(_, fact)| fact.value != word)
     };
-    let unknown = words.filter_map(|word| Some((command?, word))).filter(|(at, word)| is_unknown(*at, *word));
-    let commands: Vec<_> = model.registers.iter().filter(|it| it.role.is_some_and(is_command)).collect();
-    let guarded =
-        model.registers.iter().filter(|register| commands.iter().all(|command| command.address != register.address));
-    let elsewhere = run.places.never.iter().map(|(address, fact)| (*address, fact.value));
-    unknown.chain(elsewhere).chain(guarded.map(|register| (register.address, 1))).collect()
+    let unknown = words
+        .filter_map(|word| Some((command?, word)))
+        .filter(|(at, word)| is_unknown(*at, *word));
+    let commands: Vec<_> = model
+        .registers
+        .iter()
+        .filter(|it| it.role.is_some_and(is_command))
+        .collect();
+    let guarded = model.registers.iter().filter(|register| {
+        commands
+            .iter()
+            .all(|command| command.address != register.address)
+    });
+    let elsewhere = run
+        .places
+        .never
+        .iter()
+        .map(|(address, fact)| (*address, fact.value));
+    unknown
+        .chain(elsewhere)
+        .chain(guarded.map(|register| (register.address, 1)))
+        .collect()
 }
 
 const fn is_command(role: Role) -> bool {
-    matches!(role, Role::RunCommand | Role::FrequencyCommand | Role::Order)
+    matches!(
+        role,
+        Role::RunCommand | Role::FrequencyCommand | Role::Order
+    )
 }
 
 #[test]
@@ -268,7 +385,10 @@ fn a_line_that_is_lost_under_way_invents_no_motion_and_a_stop_works_after_it() {
         rig.core.handle(rig.now, Input::PortDown(LineFault::Gone));
         rig.settle();
         rig.live(SECOND * 5);
-        assert!(rig.sent.is_empty(), "nothing is sent to a port that is gone");
+        assert!(
+            rig.sent.is_empty(),
+            "nothing is sent to a port that is gone"
+        );
         refuses(&mut rig, setpoint(2000), Reason::LineDown);
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));
         rig.settle();
@@ -276,7 +396,10 @@ fn a_line_that_is_lost_under_way_invents_no_motion_and_a_stop_works_after_it() {
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
         turns_at(&mut rig, 3000);
         let found = rig.view(0).run_state;
-        assert!(matches!(found, RunState::Forward | RunState::Running), "{found:?}: it is told as it is found");
+        assert!(
+            matches!(found, RunState::Forward | RunState::Running),
+            "{found:?}: it is told as it is found"
+        );
         stops(&mut rig);
     });
 }
@@ -284,10 +407,15 @@ fn a_line_that_is_lost_under_way_invents_no_motion_and_a_stop_works_after_it() {
 #[test]
 fn another_drive_is_only_read_and_can_be_stopped() {
     each_that_runs(|model| {
-        let Some(identity) = &model.identity else { return };
+        let Some(identity) = &model.identity else {
+            return;
+        };
         let mut rig = rig(model);
         let others = identity.others.iter().map(|(word, _)| *word);
-        let wrong = others.chain(0..=u16::MAX).find(|word| !identity.is_right(*word)).unwrap();
+        let wrong = others
+            .chain(0..=u16::MAX)
+            .find(|word| !identity.is_right(*word))
+            .unwrap();
         set(&mut rig, identity.address, wrong);
         rig.sent.clear();
         for order in [setpoint(3000), run(Direction::Forward, Some(3000))] {
@@ -301,11 +429,25 @@ fn another_drive_is_only_read_and_can_be_stopped() {
 #[test]
 fn a_setting_on_which_an_order_rests_is_read_before_it() {
     each_that_runs(|model| {
-        for item in model.setup.iter().filter(|item| !item.needed_for.is_empty()) {
-            let Some(address) = item.address else { panic!("{}: it cannot be read", item.what) };
+        for item in model
+            .setup
+            .iter()
+            .filter(|item| !item.needed_for.is_empty())
+        {
+            let Some(address) = item.address else {
+                panic!("{}: it cannot be read", item.what)
+            };
             let mut rig = rig(model);
-            let right = rig.bus.drive_mut(Station(1)).unwrap().word(address).unwrap();
-            let wrong = (0..=u16::MAX).map(|word| right ^ word).find(|word| !item.is_right(*word)).unwrap();
+            let right = rig
+                .bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .word(address)
+                .unwrap();
+            let wrong = (0..=u16::MAX)
+                .map(|word| right ^ word)
+                .find(|word| !item.is_right(*word))
+                .unwrap();
             for need in &item.needed_for {
                 let (order, kind) = match need {
                     NeededFor::Setpoint => (setpoint(3000), OrderKind::Forward),
@@ -320,16 +462,29 @@ fn a_setting_on_which_an_order_rests_is_read_before_it() {
                 rig.sent.clear();
                 let (outcome, reason) = rig.commanded(MQTT, order.clone());
                 // The wrong setting may be what frequencies are fractions of.
-                let right_reason = matches!(reason, Reason::Precondition | Reason::FullScaleUnknown);
-                assert!(outcome == Outcome::Refused && right_reason, "{}: {outcome:?} {reason:?}", item.what);
-                assert!(rig.writes().is_empty(), "{}: {:X?}", item.what, rig.writes());
+                let right_reason =
+                    matches!(reason, Reason::Precondition | Reason::FullScaleUnknown);
+                assert!(
+                    outcome == Outcome::Refused && right_reason,
+                    "{}: {outcome:?} {reason:?}",
+                    item.what
+                );
+                assert!(
+                    rig.writes().is_empty(),
+                    "{}: {:X?}",
+                    item.what,
+                    rig.writes()
+                );
                 // A stop rests on nothing; but a drive that does not obey the bus refuses it.
                 assert_ne!(rig.commanded(MQTT, STOP).0, Outcome::Refused);
                 assert!(!rig.writes().is_empty(), "{}: no stop was sent", item.what);
                 set(&mut rig, address, right);
                 // Until the stop that may have been refused is over; only one that is taken allows a start.
                 rig.live(SECOND * 5);
-                assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None));
+                assert_eq!(
+                    rig.commanded(MQTT, STOP),
+                    (Outcome::Confirmed, Reason::None)
+                );
                 rig.live(ControlSettings::RESTART_DELAY);
                 does(&mut rig, order);
                 rig.live(SECOND);
@@ -341,20 +496,37 @@ fn a_setting_on_which_an_order_rests_is_read_before_it() {
 
 fn set(rig: &mut Rig, address: Address, word: u16) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address, word);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, address, word);
 }
 
 #[test]
 fn what_is_not_proven_is_refused_until_it_is_accepted() {
     each_that_runs(|model| {
-        let mut rig = rig_of(model, ControlSettings { accept_unverified: Vec::new(), ..accepting() });
+        let mut rig = rig_of(
+            model,
+            ControlSettings {
+                accept_unverified: Vec::new(),
+                ..accepting()
+            },
+        );
         rig.sent.clear();
         let may = model.may_be_ordered(&[]);
         if !may {
-            refuses(&mut rig, run(Direction::Forward, Some(3000)), Reason::Unverified);
+            refuses(
+                &mut rig,
+                run(Direction::Forward, Some(3000)),
+                Reason::Unverified,
+            );
             assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
         }
-        let unproven = model.run.iter().flat_map(|run| run.unproven()).map(|(action, _)| action);
+        let unproven = model
+            .run
+            .iter()
+            .flat_map(|run| run.unproven())
+            .map(|(action, _)| action);
         for action in unproven {
             let order = match action {
                 ControlAction::Coast => Order::Coast,
@@ -364,7 +536,11 @@ fn what_is_not_proven_is_refused_until_it_is_accepted() {
             refuses(&mut rig, order, Reason::Unverified);
         }
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
-        assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed, "a stop is never refused for that");
+        assert_eq!(
+            rig.commanded(MQTT, STOP).0,
+            Outcome::Confirmed,
+            "a stop is never refused for that"
+        );
     });
 }
 
@@ -375,10 +551,22 @@ fn control_is_handed_back_at_standstill_only_where_the_model_can() {
         let can = has(model, OrderKind::Release);
         does(&mut rig, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 3);
-        refuses(&mut rig, Order::Release, if can { Reason::Moving } else { Reason::NotCapable });
+        refuses(
+            &mut rig,
+            Order::Release,
+            if can {
+                Reason::Moving
+            } else {
+                Reason::NotCapable
+            },
+        );
         stops(&mut rig);
         let told = rig.commanded(MQTT, Order::Release);
-        let expected = if can { (Outcome::Acknowledged, Reason::None) } else { (Outcome::Refused, Reason::NotCapable) };
+        let expected = if can {
+            (Outcome::Acknowledged, Reason::None)
+        } else {
+            (Outcome::Refused, Reason::NotCapable)
+        };
         assert_eq!(told, expected);
         assert!(!can || rig.view(0).control.unwrap().start_inhibited);
     });
@@ -406,7 +594,11 @@ fn a_drive_that_is_run_at_its_panel_is_seen_and_left_alone() {
         }
         rig.pass(SECOND * 12);
         let tells_direction = model.status_flag(Flag::Reverse).is_some();
-        let expected = if tells_direction { RunState::Forward } else { RunState::Running };
+        let expected = if tells_direction {
+            RunState::Forward
+        } else {
+            RunState::Running
+        };
         assert_eq!(rig.view(0).run_state, expected);
         assert!(rig.writes().is_empty(), "{:X?}", rig.writes());
     });
@@ -416,5 +608,8 @@ fn a_drive_that_is_run_at_its_panel_is_seen_and_left_alone() {
 fn keeps_the_rules(rig: &Rig) {
     let report = rig.bus.drive(Station(1)).unwrap().report();
     assert_eq!((report.forbidden_words, report.resets_held), (0, 0));
-    assert_eq!(report.stored_writes, 0, "nothing stored is written in operation");
+    assert_eq!(
+        report.stored_writes, 0,
+        "nothing stored is written in operation"
+    );
 }

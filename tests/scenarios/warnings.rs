@@ -35,7 +35,10 @@ fn warning_in(role: Role) -> Arc<Model> {
 }
 
 fn warn(rig: &mut Rig, word: u16) {
-    rig.bus.drive_mut(Station(1)).unwrap().set_warning(word.into());
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_warning(word.into());
     // Within the lease of the order: its end would stop the motor.
     rig.pass(Duration::from_millis(2500));
 }
@@ -51,16 +54,35 @@ fn a_warning_is_shown_and_neither_stops_the_motor_nor_counts_as_a_trip() {
             let before = rig.writes().len();
             warn(&mut rig, word);
             let view = rig.view(0);
-            assert_eq!(view.snapshot.reading(WARNING).map(|it| it.raw), Some(word), "{role:?}");
-            assert_eq!((view.run_state, view.trip.seen), (RunState::Forward, 0), "{role:?} {word}");
+            assert_eq!(
+                view.snapshot.reading(WARNING).map(|it| it.raw),
+                Some(word),
+                "{role:?}"
+            );
+            assert_eq!(
+                (view.run_state, view.trip.seen),
+                (RunState::Forward, 0),
+                "{role:?} {word}"
+            );
             assert!(rig.output(1) > 0, "{role:?} {word}");
-            assert_eq!((rig.trips.len(), rig.writes().len()), (0, before), "{role:?} {word}: nothing is written");
+            assert_eq!(
+                (rig.trips.len(), rig.writes().len()),
+                (0, before),
+                "{role:?} {word}: nothing is written"
+            );
         }
         warn(&mut rig, 5);
         let (outcome, reason) = rig.commanded(MQTT, setpoint(2000));
-        assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{outcome:?} {reason:?}");
+        assert!(
+            matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+            "{outcome:?} {reason:?}"
+        );
         let shown = warnings::text(&model, 5).unwrap();
-        let expected = if role == Role::WarningBits { "heat sink is hot; fan is due" } else { "code 5" };
+        let expected = if role == Role::WarningBits {
+            "heat sink is hot; fan is due"
+        } else {
+            "code 5"
+        };
         assert_eq!(shown, expected);
     }
 }

@@ -23,13 +23,20 @@ const RUN: u16 = 0x2501;
 
 /// Time enough between its frames and the lease.
 fn settings() -> ControlSettings {
-    ControlSettings { lost_after: SECOND * 12, ..accepting() }
+    ControlSettings {
+        lost_after: SECOND * 12,
+        ..accepting()
+    }
 }
 
 /// An E510 whose manual gives the addresses of its watchdog.
 fn e510() -> Arc<Model> {
     let mut model = (*model("teco-e510")).clone();
-    for register in model.registers.iter_mut().filter(|it| [TIME, REACTION].contains(&it.address.number())) {
+    for register in model
+        .registers
+        .iter_mut()
+        .filter(|it| [TIME, REACTION].contains(&it.address.number()))
+    {
         register.confidence = Confidence::Manual;
     }
     assert!(model.watchdog_is_proven());
@@ -39,7 +46,10 @@ fn e510() -> Arc<Model> {
 /// Sets a register at the drive itself.
 fn set(rig: &mut Rig, address: u16, word: u16) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().set_locally(now, address.into(), word);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .set_locally(now, address.into(), word);
 }
 
 /// A drive with a watchdog of 10 s, which coasts then.
@@ -77,15 +87,35 @@ fn it_is_shown_for_every_model_that_has_one_and_for_no_other() {
         let view = rig.view(0).watchdog;
         assert_eq!(view.is_some(), model.watchdog.is_some(), "{}", model.id);
         let Some(view) = view else { continue };
-        let off = WatchdogView { state: WatchdogState::Off, time: None, is_proven: model.watchdog_is_proven() };
+        let off = WatchdogView {
+            state: WatchdogState::Off,
+            time: None,
+            is_proven: model.watchdog_is_proven(),
+        };
         assert_eq!(view, off, "{}: a new drive", model.id);
-        assert!(rig.notes.iter().any(|(_, note)| *note == Note::Watchdog(WatchdogState::Off)), "{:?}", rig.notes);
+        assert!(
+            rig.notes
+                .iter()
+                .any(|(_, note)| *note == Note::Watchdog(WatchdogState::Off)),
+            "{:?}",
+            rig.notes
+        );
         let time = model.watchdog.as_ref().unwrap().time;
         set(&mut rig, time.number(), 110);
         rig.live(SECOND * 61);
         let view = rig.view(0).watchdog.unwrap();
-        assert_eq!((view.state, view.time), (WatchdogState::InOrder, Some(SECOND * 11)), "{}", model.id);
-        assert_eq!(view.is_in_order(), model.watchdog_is_proven(), "{}", model.id);
+        assert_eq!(
+            (view.state, view.time),
+            (WatchdogState::InOrder, Some(SECOND * 11)),
+            "{}",
+            model.id
+        );
+        assert_eq!(
+            view.is_in_order(),
+            model.watchdog_is_proven(),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -94,8 +124,10 @@ fn it_is_read_at_the_start_and_every_minute() {
     let mut rig = rig_of(&e510(), settings());
     rig.live(SECOND * 600);
     let reads = rig.sent.iter().filter(|sent| {
-        let (first, count) =
-            (u16::from_be_bytes([sent.pdu[1], sent.pdu[2]]), u16::from_be_bytes([sent.pdu[3], sent.pdu[4]]));
+        let (first, count) = (
+            u16::from_be_bytes([sent.pdu[1], sent.pdu[2]]),
+            u16::from_be_bytes([sent.pdu[3], sent.pdu[4]]),
+        );
         sent.pdu[0] == 3 && (first..first + count).contains(&TIME)
     });
     assert!((9..=11).contains(&reads.count()));
@@ -117,8 +149,17 @@ fn each_change_is_reported_once_and_what_does_not_fit_is_an_alarm() {
         set(&mut rig, REACTION, reaction);
         rig.live(SECOND * 300);
         assert_eq!(state(&rig), seen);
-        let told = rig.notes.iter().filter(|(_, note)| *note == Note::Watchdog(seen)).count();
-        assert_eq!(told, usize::from(seen != WatchdogState::Off), "{seen:?}: {:?}", rig.notes);
+        let told = rig
+            .notes
+            .iter()
+            .filter(|(_, note)| *note == Note::Watchdog(seen))
+            .count();
+        assert_eq!(
+            told,
+            usize::from(seen != WatchdogState::Off),
+            "{seen:?}: {:?}",
+            rig.notes
+        );
         let is_alarm = Note::Watchdog(seen).to_string().starts_with("ALARM");
         assert_eq!(is_alarm, seen != WatchdogState::InOrder);
     }
@@ -160,7 +201,13 @@ fn a_declared_stop_that_works_needs_no_watchdog() {
     starts(&mut rig);
     rig.pass(SECOND * 60);
     assert_eq!((rig.output(1), expiries(&mut rig)), (0, 0));
-    assert!(!rig.notes.iter().any(|(_, note)| *note == Note::LeftToWatchdog), "{:?}", rig.notes);
+    assert!(
+        !rig.notes
+            .iter()
+            .any(|(_, note)| *note == Note::LeftToWatchdog),
+        "{:?}",
+        rig.notes
+    );
 }
 
 /// The owner is lost, and no stop reaches the drive, whose polls are answered.
@@ -179,9 +226,20 @@ fn a_declared_stop_without_effect_is_left_to_the_watchdog() {
     stop_does_not_reach(&mut rig);
     // 5 s for the stop, 10 s for the watchdog, 1 s more.
     rig.pass(SECOND * 18);
-    assert!(rig.notes.iter().any(|(_, note)| *note == Note::LeftToWatchdog), "{:?}", rig.notes);
+    assert!(
+        rig.notes
+            .iter()
+            .any(|(_, note)| *note == Note::LeftToWatchdog),
+        "{:?}",
+        rig.notes
+    );
     assert_eq!((rig.output(1), expiries(&mut rig)), (0, 1));
-    let gap = rig.sent.windows(2).map(|pair| pair[1].at.since(pair[0].at)).max().unwrap();
+    let gap = rig
+        .sent
+        .windows(2)
+        .map(|pair| pair[1].at.since(pair[0].at))
+        .max()
+        .unwrap();
     assert!(gap >= SECOND * 11 && gap < SECOND * 12, "{gap:?}");
     // The stop goes on until the drive has taken it.
     rig.swallows = None;
@@ -194,13 +252,20 @@ fn a_stop_by_a_person_goes_out_at_once_into_that_silence() {
     let mut rig = watched(settings());
     stop_does_not_reach(&mut rig);
     rig.pass(SECOND * 7);
-    assert!(rig.now.since(rig.sent.last().unwrap().at) > SECOND, "nothing is sent");
+    assert!(
+        rig.now.since(rig.sent.last().unwrap().at) > SECOND,
+        "nothing is sent"
+    );
     rig.swallows = None;
     let at = rig.now;
     let ticket = rig.command(MQTT, 0, STOP);
     rig.pass(SECOND / 2);
     let sent = rig.sent.last().unwrap();
-    assert!(sent.at >= at && sent.pdu == single(RUN, 0), "{:02X?}", sent.pdu);
+    assert!(
+        sent.at >= at && sent.pdu == single(RUN, 0),
+        "{:02X?}",
+        sent.pdu
+    );
     assert_eq!(rig.outcome_of(ticket).0, Outcome::Confirmed);
     rig.pass(SECOND * 30);
     assert_eq!(rig.output(1), 0);
@@ -216,16 +281,35 @@ fn without_a_watchdog_that_stops_the_motor_the_stop_is_repeated_for_ever() {
         stop_does_not_reach(&mut rig);
         let from = rig.now;
         rig.pass(SECOND * 120);
-        assert!(!rig.notes.iter().any(|(_, note)| *note == Note::LeftToWatchdog), "{time} {reaction}");
-        let gap = rig.sent.windows(2).map(|pair| pair[1].at.since(pair[0].at)).max().unwrap();
+        assert!(
+            !rig.notes
+                .iter()
+                .any(|(_, note)| *note == Note::LeftToWatchdog),
+            "{time} {reaction}"
+        );
+        let gap = rig
+            .sent
+            .windows(2)
+            .map(|pair| pair[1].at.since(pair[0].at))
+            .max()
+            .unwrap();
         assert!(gap < SECOND, "{gap:?}");
-        assert!(rig.sent.iter().filter(|sent| sent.at > from && sent.pdu == single(RUN, 0)).count() >= 25);
+        assert!(
+            rig.sent
+                .iter()
+                .filter(|sent| sent.at > from && sent.pdu == single(RUN, 0))
+                .count()
+                >= 25
+        );
     }
 }
 
 #[test]
 fn with_hold_the_drive_goes_on_and_is_looked_at() {
-    let mut rig = watched(ControlSettings { on_commander_lost: FailSafe::Hold, ..settings() });
+    let mut rig = watched(ControlSettings {
+        on_commander_lost: FailSafe::Hold,
+        ..settings()
+    });
     starts(&mut rig);
     rig.pass(SECOND * 120);
     assert_eq!((rig.output(1), expiries(&mut rig)), (3000, 0));
@@ -234,14 +318,34 @@ fn with_hold_the_drive_goes_on_and_is_looked_at() {
 
 #[test]
 fn run_waits_for_it_where_it_is_required() {
-    let mut rig = rig_of(&e510(), ControlSettings { require_watchdog: true, ..settings() });
+    let mut rig = rig_of(
+        &e510(),
+        ControlSettings {
+            require_watchdog: true,
+            ..settings()
+        },
+    );
     let start = run(Direction::Forward, Some(3000));
-    assert_eq!(rig.commanded(MQTT, start.clone()), (Outcome::Refused, Reason::Watchdog));
+    assert_eq!(
+        rig.commanded(MQTT, start.clone()),
+        (Outcome::Refused, Reason::Watchdog)
+    );
     set(&mut rig, TIME, 250);
     rig.live(SECOND * 61);
-    assert_eq!(rig.commanded(MQTT, start.clone()), (Outcome::Refused, Reason::Watchdog), "it takes too long");
-    assert_eq!(rig.commanded(LOCAL, register(TIME, 100)), (Outcome::Confirmed, Reason::None));
-    assert_eq!(rig.commanded(MQTT, start.clone()).0, Outcome::Confirmed, "it was read back");
+    assert_eq!(
+        rig.commanded(MQTT, start.clone()),
+        (Outcome::Refused, Reason::Watchdog),
+        "it takes too long"
+    );
+    assert_eq!(
+        rig.commanded(LOCAL, register(TIME, 100)),
+        (Outcome::Confirmed, Reason::None)
+    );
+    assert_eq!(
+        rig.commanded(MQTT, start.clone()).0,
+        Outcome::Confirmed,
+        "it was read back"
+    );
     rig.live(SECOND * 5);
     assert_eq!(rig.commanded(MQTT, STOP).0, Outcome::Confirmed);
     rig.live(SECOND * 30);
@@ -251,24 +355,48 @@ fn run_waits_for_it_where_it_is_required() {
     rig.bus.set_faults(vfd_gateway::sim::FaultPlan::NONE);
     set(&mut rig, TIME, 0);
     rig.pass(SECOND * 20);
-    assert_eq!(rig.commanded(MQTT, start), (Outcome::Refused, Reason::Watchdog));
+    assert_eq!(
+        rig.commanded(MQTT, start),
+        (Outcome::Refused, Reason::Watchdog)
+    );
 }
 
 #[test]
 fn it_is_set_by_the_gateways_own_tool_alone_and_at_standstill() {
     for model in models() {
-        let Some(watchdog) = &model.watchdog else { continue };
+        let Some(watchdog) = &model.watchdog else {
+            continue;
+        };
         let all = (0..=u16::MAX).collect();
-        let mut rig = rig_of(&model, ControlSettings { native_write: all, ..settings() });
+        let mut rig = rig_of(
+            &model,
+            ControlSettings {
+                native_write: all,
+                ..settings()
+            },
+        );
         let order = || register(watchdog.time.number(), 100);
         for address in [Some(watchdog.time), watchdog.action].into_iter().flatten() {
             let told = rig.commanded(MQTT, register(address.number(), 1));
             assert_eq!(told, (Outcome::Refused, Reason::NotAllowed), "{}", model.id);
         }
-        assert_eq!(rig.commanded(LOCAL, order()), (Outcome::Confirmed, Reason::None), "{}", model.id);
-        assert_eq!(rig.view(0).watchdog.unwrap().time, Some(SECOND * 10), "{}", model.id);
         assert_eq!(
-            rig.writes().iter().filter(|pdu| **pdu == single(watchdog.time.number(), 100)).count(),
+            rig.commanded(LOCAL, order()),
+            (Outcome::Confirmed, Reason::None),
+            "{}",
+            model.id
+        );
+        assert_eq!(
+            rig.view(0).watchdog.unwrap().time,
+            Some(SECOND * 10),
+            "{}",
+            model.id
+        );
+        assert_eq!(
+            rig.writes()
+                .iter()
+                .filter(|pdu| **pdu == single(watchdog.time.number(), 100))
+                .count(),
             1,
             "{}",
             model.id
@@ -276,11 +404,19 @@ fn it_is_set_by_the_gateways_own_tool_alone_and_at_standstill() {
         rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
         rig.live(SECOND * 3);
         let (outcome, reason) = rig.commanded(LOCAL, order());
-        assert_eq!((outcome, reason), (Outcome::Refused, Reason::OtherOwner), "{}", model.id);
+        assert_eq!(
+            (outcome, reason),
+            (Outcome::Refused, Reason::OtherOwner),
+            "{}",
+            model.id
+        );
         rig.commanded(MQTT, STOP);
         let (outcome, reason) = rig.commanded(LOCAL, order());
         assert_eq!(outcome, Outcome::Refused, "{}: {reason:?}", model.id);
     }
     let mut rig = rig_of(&model("hyundai-n700"), control());
-    assert_eq!(rig.commanded(LOCAL, register(0x0906, 100)), (Outcome::Refused, Reason::NotListed));
+    assert_eq!(
+        rig.commanded(LOCAL, register(0x0906, 100)),
+        (Outcome::Refused, Reason::NotListed)
+    );
 }

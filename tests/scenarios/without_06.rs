@@ -18,12 +18,17 @@ fn without_06() -> Vec<Arc<Model>> {
         model.functions.value.push(0x10);
         model.link.broadcast = None;
     };
-    ["teco-e510", "frecon-fr500a", "toshiba-vf-as1"].map(|id| model_with(id, change)).to_vec()
+    ["teco-e510", "frecon-fr500a", "toshiba-vf-as1"]
+        .map(|id| model_with(id, change))
+        .to_vec()
 }
 
 fn is_taken(rig: &mut Rig, order: Order) {
     let (outcome, reason) = rig.commanded(MQTT, order);
-    assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{outcome:?} {reason:?}");
+    assert!(
+        matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+        "{outcome:?} {reason:?}"
+    );
 }
 
 fn functions(rig: &Rig) -> Vec<u8> {
@@ -42,26 +47,45 @@ fn it_is_set_started_stopped_and_reset_by_blocks_of_one() {
         is_taken(&mut rig, run(Direction::Forward, None));
         rig.live(SECOND * 6);
         assert!(rig.output(1) > 0, "{}", model.id);
-        assert_eq!(rig.commanded(MQTT, STOP), (Outcome::Confirmed, Reason::None), "{}", model.id);
+        assert_eq!(
+            rig.commanded(MQTT, STOP),
+            (Outcome::Confirmed, Reason::None),
+            "{}",
+            model.id
+        );
         rig.live(SECOND * 15);
         assert_eq!(rig.output(1), 0, "{}", model.id);
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
         rig.live(SECOND * 3);
         is_taken(&mut rig, Order::Reset);
-        assert!(!functions(&rig).contains(&6), "{}: {:?}", model.id, functions(&rig));
+        assert!(
+            !functions(&rig).contains(&6),
+            "{}: {:?}",
+            model.id,
+            functions(&rig)
+        );
         assert!(functions(&rig).contains(&0x10), "{}", model.id);
     }
 }
 
 #[test]
 fn its_parameters_are_written_and_read_back_and_a_native_06_is_served() {
-    let [e510, ..] = &without_06()[..] else { panic!("three models") };
-    let parameter = e510.registers.iter().find(|it| it.name == "acceleration_time").expect("it is described");
+    let [e510, ..] = &without_06()[..] else {
+        panic!("three models")
+    };
+    let parameter = e510
+        .registers
+        .iter()
+        .find(|it| it.name == "acceleration_time")
+        .expect("it is described");
     let address = parameter.address.number();
     let mut rig = rig_of(e510, listing(vec![address]));
     rig.sent.clear();
-    assert_eq!(rig.commanded(MQTT, register(address, 77)), (Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        rig.commanded(MQTT, register(address, 77)),
+        (Outcome::Confirmed, Reason::None)
+    );
     rig.live(SECOND * 11);
     assert_eq!(write(&mut rig, address, &[78]), NativeOutcome::Written);
     assert!(!functions(&rig).contains(&6), "{:?}", functions(&rig));

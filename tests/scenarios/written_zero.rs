@@ -33,23 +33,43 @@ enum Starter {
     Itself,
 }
 
-const STARTERS: [Starter; 5] =
-    [Starter::Panel, Starter::Terminal, Starter::OtherMaster, Starter::OtherOwner, Starter::Itself];
+const STARTERS: [Starter; 5] = [
+    Starter::Panel,
+    Starter::Terminal,
+    Starter::OtherMaster,
+    Starter::OtherOwner,
+    Starter::Itself,
+];
 
 fn both(centihertz: u16) -> Order {
-    Order::Stop { setpoint: Some(Hertz::from_centihertz(centihertz)) }
+    Order::Stop {
+        setpoint: Some(Hertz::from_centihertz(centihertz)),
+    }
 }
 
 /// A drive that the controller has stopped and that is at standstill.
 fn stopped(model: &Arc<Model>) -> Rig {
-    let options = RigOptions { poll: Duration::from_millis(200), ..options_of(model, accepting()) };
+    let options = RigOptions {
+        poll: Duration::from_millis(200),
+        ..options_of(model, accepting())
+    };
     let mut rig = Rig::new(&options);
     rig.commanded(MQTT, run(Direction::Forward, Some(1000)));
     rig.live(SECOND);
-    assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{}", model.id);
+    assert_eq!(
+        rig.commanded(ORIGIN, STOP).0,
+        Outcome::Confirmed,
+        "{}",
+        model.id
+    );
     rig.live(SECOND * 8);
     assert_eq!(rig.output(1), 0, "{}", model.id);
-    assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Acknowledged, Reason::Unchanged), "{}", model.id);
+    assert_eq!(
+        rig.commanded(ORIGIN, STOP),
+        (Outcome::Acknowledged, Reason::Unchanged),
+        "{}",
+        model.id
+    );
     // What the drive shows afterwards confirms that.
     rig.live(SECOND);
     rig.sent.clear();
@@ -67,7 +87,10 @@ fn hand_to_panel(rig: &mut Rig, model: &Model) {
 
 fn operate_panel(rig: &mut Rig, runs: Option<Direction>) {
     let now = rig.now;
-    rig.bus.drive_mut(Station(1)).unwrap().operate_panel(now, runs);
+    rig.bus
+        .drive_mut(Station(1))
+        .unwrap()
+        .operate_panel(now, runs);
 }
 
 /// Another master orders RUN behind the gateway's back.
@@ -82,11 +105,26 @@ fn other_master_orders(rig: &mut Rig, model: &Model, direction: Direction, setpo
         Direction::Forward => run.forward.value,
         Direction::Reverse => run.reverse.as_ref().unwrap().value,
     };
-    for (address, value) in [(address_of(model, Role::FrequencyCommand), setpoint), (at, word)] {
-        let pdu = [vec![6], address.to_be_bytes().to_vec(), value.to_be_bytes().to_vec()].concat();
+    for (address, value) in [
+        (address_of(model, Role::FrequencyCommand), setpoint),
+        (at, word),
+    ] {
+        let pdu = [
+            vec![6],
+            address.to_be_bytes().to_vec(),
+            value.to_be_bytes().to_vec(),
+        ]
+        .concat();
         let now = rig.now;
         let mut reply = Vec::new();
-        assert!(rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut reply), "{}", model.id);
+        assert!(
+            rig.bus
+                .drive_mut(Station(1))
+                .unwrap()
+                .answer(now, &pdu, 0, &mut reply),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -107,7 +145,11 @@ fn start(rig: &mut Rig, model: &Model, starter: Starter) {
         Starter::OtherOwner => {
             rig.live(SECOND * 3);
             let (outcome, reason) = rig.commanded(MQTT, run(Direction::Forward, Some(2000)));
-            assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{}: {reason:?}", model.id);
+            assert!(
+                matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+                "{}: {reason:?}",
+                model.id
+            );
         }
         Starter::Itself => {
             let now = rig.now;
@@ -127,7 +169,10 @@ fn release_priority(rig: &mut Rig, model: &Model) {
         let at = address_of(model, Role::RunCommand).to_be_bytes();
         let pdu = [vec![6], at.to_vec(), release.value.to_be_bytes().to_vec()].concat();
         let now = rig.now;
-        rig.bus.drive_mut(Station(1)).unwrap().answer(now, &pdu, 0, &mut Vec::new());
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .answer(now, &pdu, 0, &mut Vec::new());
     }
 }
 
@@ -137,7 +182,10 @@ fn stop_word(model: &Model) -> u16 {
 
 fn stops(rig: &Rig, model: &Model) -> usize {
     let word = stop_word(model);
-    rig.written(address_of(model, Role::RunCommand)).into_iter().filter(|it| *it == word).count()
+    rig.written(address_of(model, Role::RunCommand))
+        .into_iter()
+        .filter(|it| *it == word)
+        .count()
 }
 
 /// The ways in which a controller writes a 0, as orders: the uniform units make the same order of word 256, a mask, a
@@ -184,14 +232,26 @@ fn a_zero_in_the_native_run_command_is_one_too() {
             rig.live(SEEN);
             rig.sent.clear();
             let address = address_of(&model, Role::RunCommand);
-            let ask = NativeAsk::Write { address: address.into(), values: vec![stop_word(&model)] };
+            let ask = NativeAsk::Write {
+                address: address.into(),
+                values: vec![stop_word(&model)],
+            };
             let ticket = rig.ask(1, 0, ask);
             let answer = rig.answer_to(ticket);
-            assert_eq!(stops(&rig, &model), 1, "{} {starter:?}: {answer:?}", model.id);
+            assert_eq!(
+                stops(&rig, &model),
+                1,
+                "{} {starter:?}: {answer:?}",
+                model.id
+            );
             rig.live(SECOND * 12);
             let obeys = !rig.bus.drive(Station(1)).unwrap().is_local();
             assert_eq!(rig.output(1) == 0, obeys, "{} {starter:?}", model.id);
-            assert!(obeys || rig.view(0).control.unwrap().stop_pending, "{} {starter:?}: {answer:?}", model.id);
+            assert!(
+                obeys || rig.view(0).control.unwrap().stop_pending,
+                "{} {starter:?}: {answer:?}",
+                model.id
+            );
         }
     }
 }
@@ -220,7 +280,12 @@ fn a_zero_that_was_answered_before_the_drive_was_lost_stops_it_when_it_is_back()
         for (away, stops_it) in [(5, true), (650, false)] {
             let mut rig = stopped(&model);
             other_master_runs(&mut rig, &model, Direction::Forward);
-            assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Acknowledged, Reason::Unchanged), "{}", model.id);
+            assert_eq!(
+                rig.commanded(ORIGIN, STOP),
+                (Outcome::Acknowledged, Reason::Unchanged),
+                "{}",
+                model.id
+            );
             rig.bus.set_faults("lost=1000".parse().unwrap());
             rig.pass(SECOND * away);
             assert!(!rig.view(0).is_online(), "{}: {away} s", model.id);
@@ -251,12 +316,31 @@ fn a_setpoint_beside_a_stop_is_never_taken_and_goes_beside_run() {
     for model in models() {
         let mut rig = stopped(&model);
         let before = rig.view(0).control.unwrap().setpoint;
-        assert_eq!(rig.commanded(ORIGIN, both(2500)), (Outcome::Acknowledged, Reason::Unchanged), "{}", model.id);
-        assert_eq!(rig.view(0).control.unwrap().setpoint, before, "{}: word 257 shows what was accepted", model.id);
+        assert_eq!(
+            rig.commanded(ORIGIN, both(2500)),
+            (Outcome::Acknowledged, Reason::Unchanged),
+            "{}",
+            model.id
+        );
+        assert_eq!(
+            rig.view(0).control.unwrap().setpoint,
+            before,
+            "{}: word 257 shows what was accepted",
+            model.id
+        );
         let (outcome, reason) = rig.commanded(ORIGIN, run(Direction::Forward, Some(2500)));
-        assert!(matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed), "{}: {reason:?}", model.id);
+        assert!(
+            matches!(outcome, Outcome::Acknowledged | Outcome::Confirmed),
+            "{}: {reason:?}",
+            model.id
+        );
         rig.pass(SECOND);
-        assert_eq!(rig.view(0).control.unwrap().setpoint, Some(Hertz::from_centihertz(2500)), "{}", model.id);
+        assert_eq!(
+            rig.view(0).control.unwrap().setpoint,
+            Some(Hertz::from_centihertz(2500)),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -273,15 +357,31 @@ fn a_controller_that_writes_zero_in_every_cycle_holds_the_drive_stopped() {
                 rig.command(ORIGIN, 0, STOP);
                 rig.pass(SECOND / 10);
             }
-            assert_eq!(rig.output(1), 0, "{}: stopped before it turned fast", model.id);
+            assert_eq!(
+                rig.output(1),
+                0,
+                "{}: stopped before it turned fast",
+                model.id
+            );
         }
         let sent = stops(&rig, &model);
-        assert!((STARTS..=2 * STARTS).contains(&sent), "{}: {sent} stops for {STARTS} starts", model.id);
-        let told =
-            rig.notes.iter().filter(|(_, note)| matches!(note, Note::StoppedAgain { by } if *by == ORIGIN.owner));
+        assert!(
+            (STARTS..=2 * STARTS).contains(&sent),
+            "{}: {sent} stops for {STARTS} starts",
+            model.id
+        );
+        let told = rig
+            .notes
+            .iter()
+            .filter(|(_, note)| matches!(note, Note::StoppedAgain { by } if *by == ORIGIN.owner));
         assert_eq!(told.count(), 1, "{}: {:?}", model.id, rig.notes);
         let shown = rig.view(0).control.unwrap().stopped_again.expect("shown");
-        assert_eq!((shown.by, usize::from(shown.times)), (ORIGIN.owner, STARTS), "{}", model.id);
+        assert_eq!(
+            (shown.by, usize::from(shown.times)),
+            (ORIGIN.owner, STARTS),
+            "{}",
+            model.id
+        );
     }
 }
 
@@ -290,7 +390,12 @@ fn ramping_down(model: &Arc<Model>) -> Rig {
     let mut rig = stopped(model);
     other_master_runs(&mut rig, model, Direction::Forward);
     rig.pass(SECOND * 6);
-    assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed, "{}", model.id);
+    assert_eq!(
+        rig.commanded(ORIGIN, STOP).0,
+        Outcome::Confirmed,
+        "{}",
+        model.id
+    );
     rig.pass(SECOND);
     assert!(rig.output(1) > 0, "{}: it ramps down", model.id);
     rig.sent.clear();
@@ -318,10 +423,20 @@ fn a_start_into_the_ramp_ends_at_the_stop_that_was_answered_there() {
     for model in models() {
         for direction in [Direction::Forward, Direction::Reverse] {
             let mut rig = ramping_down(&model);
-            assert_eq!(rig.commanded(ORIGIN, STOP).1, Reason::Unchanged, "{}: by a stop of ours", model.id);
+            assert_eq!(
+                rig.commanded(ORIGIN, STOP).1,
+                Reason::Unchanged,
+                "{}: by a stop of ours",
+                model.id
+            );
             other_master_runs(&mut rig, &model, direction);
             rig.pass(SECOND * 20);
-            assert_eq!((rig.output(1), stops(&rig, &model)), (0, 1), "{} {direction:?}", model.id);
+            assert_eq!(
+                (rig.output(1), stops(&rig, &model)),
+                (0, 1),
+                "{} {direction:?}",
+                model.id
+            );
         }
     }
 }
@@ -349,7 +464,11 @@ fn a_drive_out_of_sight_gets_a_bounded_number_of_frames_for_a_cyclic_zero() {
             rig.pass(SECOND / 10);
         }
         let sent = stops(&rig, &model);
-        assert!((1..=60 / 3 + 3).contains(&sent), "{}: {sent} in a minute", model.id);
+        assert!(
+            (1..=60 / 3 + 3).contains(&sent),
+            "{}: {sent} in a minute",
+            model.id
+        );
         rig.bus.set_faults(FaultPlan::NONE);
         rig.pass(SECOND * 10);
         assert!(!rig.view(0).control.unwrap().stop_pending, "{}", model.id);
@@ -365,9 +484,18 @@ fn two_controllers_that_write_zero_do_not_flood_the_line() {
             rig.command(plc(2), 0, STOP);
             rig.pass(SECOND / 10);
         }
-        assert!(stops(&rig, &model) <= 4, "{}: {} frames in 10 s", model.id, stops(&rig, &model));
+        assert!(
+            stops(&rig, &model) <= 4,
+            "{}: {} frames in 10 s",
+            model.id,
+            stops(&rig, &model)
+        );
         let (outcome, reason) = rig.commanded(plc(2), run(Direction::Forward, Some(2000)));
-        assert!(outcome != Outcome::Refused, "{}: both have commanded stop: {reason:?}", model.id);
+        assert!(
+            outcome != Outcome::Refused,
+            "{}: both have commanded stop: {reason:?}",
+            model.id
+        );
         let owner = rig.view(0).control.unwrap().lease.map(|(owner, _)| owner);
         assert_eq!(owner, Some(plc(2).owner), "{}", model.id);
         assert_ne!(owner, Some(Owner::Mqtt));

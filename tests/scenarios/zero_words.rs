@@ -63,8 +63,16 @@ impl Kind {
     /// A rig of it whose motor runs by an order over MQTT.
     fn running(&self, direction: Direction) -> Rig {
         let model = self.model();
-        let mut rig = Rig::new(&RigOptions { poll: SECOND / 5, ..options_of(&model, accepting()) });
-        assert_eq!(rig.commanded(MQTT, run(direction, Some(3000))), (Outcome::Confirmed, Reason::None), "{}", model.id);
+        let mut rig = Rig::new(&RigOptions {
+            poll: SECOND / 5,
+            ..options_of(&model, accepting())
+        });
+        assert_eq!(
+            rig.commanded(MQTT, run(direction, Some(3000))),
+            (Outcome::Confirmed, Reason::None),
+            "{}",
+            model.id
+        );
         rig.live(SECOND * 8);
         assert_eq!(rig.output(1).abs(), 3000, "{}", model.id);
         rig.sent.clear();
@@ -76,18 +84,35 @@ impl Kind {
 fn other_master(rig: &mut Rig, word: u16) {
     let now = rig.now;
     let mut reply = Vec::new();
-    assert!(rig.bus.drive_mut(Station(1)).unwrap().answer(now, &single(RUN, word), 0, &mut reply));
-    assert_eq!(reply, single(RUN, word), "the drive answers as if it had taken the word");
+    assert!(
+        rig.bus
+            .drive_mut(Station(1))
+            .unwrap()
+            .answer(now, &single(RUN, word), 0, &mut reply)
+    );
+    assert_eq!(
+        reply,
+        single(RUN, word),
+        "the drive answers as if it had taken the word"
+    );
 }
 
 #[test]
 fn both_directions_run_as_they_are_called() {
     for kind in KINDS {
-        for (direction, word, sign) in [(Direction::Forward, kind.forward, 1), (Direction::Reverse, kind.reverse, -1)] {
+        for (direction, word, sign) in [
+            (Direction::Forward, kind.forward, 1),
+            (Direction::Reverse, kind.reverse, -1),
+        ] {
             let model = kind.model();
             let mut rig = rig_of(&model, accepting());
             rig.sent.clear();
-            assert_eq!(rig.commanded(MQTT, run(direction, Some(3000))).0, Outcome::Confirmed, "{}", model.id);
+            assert_eq!(
+                rig.commanded(MQTT, run(direction, Some(3000))).0,
+                Outcome::Confirmed,
+                "{}",
+                model.id
+            );
             assert_eq!(rig.written(RUN), [word], "{}", model.id);
             rig.live(SECOND * 8);
             assert_eq!(rig.output(1), sign * 3000, "{}", model.id);
@@ -100,7 +125,10 @@ fn a_uniform_stop_is_the_stop_word_of_the_drive() {
     for kind in KINDS {
         for direction in [Direction::Forward, Direction::Reverse] {
             let mut rig = kind.running(direction);
-            assert_eq!(rig.commanded(ORIGIN, STOP), (Outcome::Confirmed, Reason::None));
+            assert_eq!(
+                rig.commanded(ORIGIN, STOP),
+                (Outcome::Confirmed, Reason::None)
+            );
             assert_eq!(rig.written(RUN), [kind.stop]);
             assert!(rig.output(1).abs() > 1000, "it ramps down");
             rig.live(SECOND * 8);
@@ -132,7 +160,11 @@ fn a_native_zero_stops_the_motor_and_is_never_sent() {
             assert_eq!(answer, NativeOutcome::Written, "{}", kind.model().id);
             assert_eq!(rig.written(RUN), [kind.zero], "{}", kind.model().id);
             assert_eq!(rig.written(FREQUENCY), [0; 0]);
-            assert_eq!(rig.output(1) == 0, coasts, "a coast at once, a stop by the ramp");
+            assert_eq!(
+                rig.output(1) == 0,
+                coasts,
+                "a coast at once, a stop by the ramp"
+            );
             rig.live(SECOND * 8);
             assert_eq!(rig.output(1), 0, "{}", kind.model().id);
             let control = rig.view(0).control.unwrap();
@@ -147,22 +179,37 @@ fn a_native_zero_stops_the_motor_over_a_bad_line_as_well() {
     for kind in KINDS {
         let mut rig = kind.running(Direction::Forward);
         rig.loses_reply_to = Some(6);
-        let ask = NativeAsk::Write { address: RUN.into(), values: vec![0] };
+        let ask = NativeAsk::Write {
+            address: RUN.into(),
+            values: vec![0],
+        };
         rig.ask(1, 0, ask);
         rig.live(SECOND * 8);
         assert_eq!(rig.output(1), 0, "{}", kind.model().id);
-        assert!(rig.written(RUN).iter().all(|word| *word == kind.zero), "{:?}", rig.written(RUN));
+        assert!(
+            rig.written(RUN).iter().all(|word| *word == kind.zero),
+            "{:?}",
+            rig.written(RUN)
+        );
         let mut rig = kind.running(Direction::Forward);
         rig.swallows = Some(single(RUN, kind.zero));
-        let ask = NativeAsk::Write { address: RUN.into(), values: vec![0] };
+        let ask = NativeAsk::Write {
+            address: RUN.into(),
+            values: vec![0],
+        };
         rig.ask(1, 0, ask);
         rig.live(SECOND * 2);
         assert_eq!(rig.output(1), 3000, "no stop has reached the drive");
-        assert!(rig.view(0).control.unwrap().stop_pending, "and none is believed to have");
+        assert!(
+            rig.view(0).control.unwrap().stop_pending,
+            "and none is believed to have"
+        );
         rig.swallows = None;
         rig.live(SECOND * 12);
         assert_eq!(rig.output(1), 0, "{}", kind.model().id);
-        assert!(rig.written(RUN).len() > 1 && rig.written(RUN).iter().all(|word| *word == kind.zero));
+        assert!(
+            rig.written(RUN).len() > 1 && rig.written(RUN).iter().all(|word| *word == kind.zero)
+        );
     }
 }
 
@@ -182,7 +229,12 @@ fn a_native_zero_in_every_cycle_holds_the_drive_stopped() {
         }
         let written = rig.written(RUN);
         assert!(written.iter().all(|word| *word == kind.zero), "{written:?}");
-        assert!((4..=12).contains(&written.len()), "{}: {} frames", kind.model().id, written.len());
+        assert!(
+            (4..=12).contains(&written.len()),
+            "{}: {} frames",
+            kind.model().id,
+            written.len()
+        );
     }
 }
 
@@ -192,8 +244,17 @@ fn a_zero_of_another_master_is_believed_to_do_what_the_drive_does_with_it() {
         let mut rig = kind.running(Direction::Forward);
         other_master(&mut rig, 0);
         rig.live(SECOND * 3);
-        assert_eq!(rig.output(1), if kind.runs_on { 3000 } else { 0 }, "{}", kind.model().id);
-        let seen = if kind.runs_on { RunState::Forward } else { RunState::Stopped };
+        assert_eq!(
+            rig.output(1),
+            if kind.runs_on { 3000 } else { 0 },
+            "{}",
+            kind.model().id
+        );
+        let seen = if kind.runs_on {
+            RunState::Forward
+        } else {
+            RunState::Stopped
+        };
         assert_eq!(rig.view(0).run_state, seen, "{}", kind.model().id);
         // Whatever the 0 of the other one did, a stop is one.
         assert_eq!(rig.commanded(ORIGIN, STOP).0, Outcome::Confirmed);
@@ -209,7 +270,11 @@ fn other_words_are_exactly_one_command_or_refused() {
         for word in [0x042C, 0x0032, 0x0030, kind.stop | kind.forward, 0xFFFF] {
             let is_command = [kind.stop, kind.forward, kind.reverse].contains(&word);
             if !is_command {
-                assert_eq!(write(&mut rig, RUN, &[word]), refused(Reason::NotUnderstood), "{word:04X}");
+                assert_eq!(
+                    write(&mut rig, RUN, &[word]),
+                    refused(Reason::NotUnderstood),
+                    "{word:04X}"
+                );
             }
         }
         assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
@@ -222,11 +287,24 @@ fn other_words_are_exactly_one_command_or_refused() {
 #[test]
 fn a_zero_that_would_coast_is_a_stop_where_the_coast_is_unproven() {
     let mut model = check::model(KINDS[2].text).unwrap();
-    model.run.as_mut().unwrap().coast.as_mut().unwrap().confidence = Confidence::Inferred;
+    model
+        .run
+        .as_mut()
+        .unwrap()
+        .coast
+        .as_mut()
+        .unwrap()
+        .confidence = Confidence::Inferred;
     for accept_unverified in [Vec::new(), accepting().accept_unverified] {
-        let control = vfd_gateway::domain::control::ControlSettings { accept_unverified, ..accepting() };
+        let control = vfd_gateway::domain::control::ControlSettings {
+            accept_unverified,
+            ..accepting()
+        };
         let mut rig = rig_of(&Arc::new(model.clone()), control);
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed);
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+            Outcome::Confirmed
+        );
         rig.live(SECOND * 8);
         rig.sent.clear();
         assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written);
@@ -241,15 +319,25 @@ fn a_zero_that_would_coast_is_a_stop_where_the_coast_is_unproven() {
 fn a_zero_that_must_never_be_written_is_a_stop_as_well() {
     for kind in KINDS {
         let mut model = check::model(kind.text).unwrap();
-        let never = Fact { value: 0, confidence: Confidence::Manual, source: "UM 4".to_owned() };
+        let never = Fact {
+            value: 0,
+            confidence: Confidence::Manual,
+            source: "UM 4".to_owned(),
+        };
         model.run.as_mut().unwrap().never.push(never);
         let mut rig = rig_of(&Arc::new(model), accepting());
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed);
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+            Outcome::Confirmed
+        );
         rig.sent.clear();
         assert_eq!(write(&mut rig, RUN, &[0]), NativeOutcome::Written);
         rig.live(SECOND * 8);
         assert_eq!((rig.output(1), rig.written(RUN)), (0, vec![kind.zero]));
-        assert_eq!(rig.bus.drive(Station(1)).unwrap().report().forbidden_words, 0);
+        assert_eq!(
+            rig.bus.drive(Station(1)).unwrap().report().forbidden_words,
+            0
+        );
     }
 }
 
@@ -257,9 +345,15 @@ fn a_zero_that_must_never_be_written_is_a_stop_as_well() {
 #[test]
 fn a_zero_of_unknown_meaning_is_refused() {
     let mut rig = rig_of(&model_with("frecon-fr500a", |_| {}), accepting());
-    assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed);
+    assert_eq!(
+        rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+        Outcome::Confirmed
+    );
     rig.sent.clear();
-    assert_eq!(write(&mut rig, 0x2000, &[0]), refused(Reason::NotUnderstood));
+    assert_eq!(
+        write(&mut rig, 0x2000, &[0]),
+        refused(Reason::NotUnderstood)
+    );
     assert_eq!(rig.writes(), Vec::<Vec<u8>>::new());
 }
 
@@ -270,11 +364,20 @@ fn a_reset_starts_no_motor_and_leaves_the_stop_word() {
         let now = rig.now;
         rig.bus.drive_mut(Station(1)).unwrap().trip(now, 2);
         rig.live(SECOND * 3);
-        assert_eq!(rig.commanded(MQTT, Order::Reset).0, Outcome::Confirmed, "{}", kind.model().id);
+        assert_eq!(
+            rig.commanded(MQTT, Order::Reset).0,
+            Outcome::Confirmed,
+            "{}",
+            kind.model().id
+        );
         rig.live(SECOND * 8);
         assert!(!rig.bus.drive(Station(1)).unwrap().is_tripped());
         assert_eq!(rig.output(1), 0);
         assert_eq!(rig.written(RUN).last(), Some(&kind.stop));
-        assert_eq!(rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0, Outcome::Confirmed, "and it runs again");
+        assert_eq!(
+            rig.commanded(MQTT, run(Direction::Forward, Some(3000))).0,
+            Outcome::Confirmed,
+            "and it runs again"
+        );
     }
 }

@@ -15,7 +15,9 @@ use std::time::Duration;
 use vfd_gateway::config;
 use vfd_gateway::daemon::exchange::shared::{Current, Shared};
 use vfd_gateway::daemon::host::clock;
-use vfd_gateway::daemon::journal::{Journal, JournalReport, JournalState, NorthSource, Settings, Source, file_in};
+use vfd_gateway::daemon::journal::{
+    Journal, JournalReport, JournalState, NorthSource, Settings, Source, file_in,
+};
 use vfd_gateway::daemon::service::build;
 use vfd_gateway::daemon::service::north_sides::NorthSides;
 use vfd_gateway::domain::command::{Owner, Reason, Report};
@@ -33,7 +35,10 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const CHILD: &str = "ACCOUNTING_CHILD";
 
 fn attempts() -> u64 {
-    std::env::var("ATTEMPTS").ok().and_then(|text| text.parse().ok()).unwrap_or(20_000)
+    std::env::var("ATTEMPTS")
+        .ok()
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(20_000)
 }
 
 /// A temporary directory that is removed when this is dropped.
@@ -41,7 +46,8 @@ struct Place(PathBuf);
 
 impl Place {
     fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("vfd-accounting-{}-{name}", std::process::id()));
+        let path =
+            std::env::temp_dir().join(format!("vfd-accounting-{}-{name}", std::process::id()));
         std::fs::create_dir(&path).expect("a directory");
         Self(path)
     }
@@ -51,14 +57,19 @@ impl Place {
         let connection = Connection::open(file_in(&self.0)).expect("the journal");
         let sql = "SELECT body FROM audit WHERE kind = 'attempt'";
         let mut select = connection.prepare(sql).expect("its table");
-        let bodies = select.query_map([], |row| row.get::<_, String>(0)).expect("its rows");
+        let bodies = select
+            .query_map([], |row| row.get::<_, String>(0))
+            .expect("its rows");
         let mut all = 0;
         let mut texts = BTreeMap::new();
         for body in bodies {
             let body: Value = serde_json::from_str(&body.expect("a row")).expect("an object");
             let count = body["count"].as_u64().expect("a count");
             all += count;
-            if let Some(text) = body["tried"].as_str().filter(|text| text.starts_with("no ")) {
+            if let Some(text) = body["tried"]
+                .as_str()
+                .filter(|text| text.starts_with("no "))
+            {
                 *texts.entry(text.to_owned()).or_default() += count;
             }
         }
@@ -97,20 +108,42 @@ impl Desk {
             drive("pump-2", 2)
         );
         let catalog = vendors::catalog();
-        let shared = Arc::new(build::shared(&config::load(&text, &catalog).expect("a configuration")));
-        let settings =
-            Settings { directory: directory.to_owned(), max_bytes: 16_000_000_000, configuration: String::new() };
-        let (journal, _) =
-            Journal::start(&settings, NorthSides::default(), Arc::clone(&shared.changed)).expect("a journal");
+        let shared = Arc::new(build::shared(
+            &config::load(&text, &catalog).expect("a configuration"),
+        ));
+        let settings = Settings {
+            directory: directory.to_owned(),
+            max_bytes: 16_000_000_000,
+            configuration: String::new(),
+        };
+        let (journal, _) = Journal::start(
+            &settings,
+            NorthSides::default(),
+            Arc::clone(&shared.changed),
+        )
+        .expect("a journal");
         let north = journal.north(Current::from(Arc::clone(&shared)));
-        Self { journal, shared, north, said: 0, of_north: 0, waits: true }
+        Self {
+            journal,
+            shared,
+            north,
+            said: 0,
+            of_north: 0,
+            waits: true,
+        }
     }
 
     /// Starts the line again.
     fn line(&self) -> Source {
         let line = &self.shared.lines[0];
-        let drives = self.shared.drives.iter().map(|drive| drive.description.clone()).collect();
-        self.journal.line(line.name.clone(), drives, Arc::clone(&line.inbox))
+        let drives = self
+            .shared
+            .drives
+            .iter()
+            .map(|drive| drive.description.clone())
+            .collect();
+        self.journal
+            .line(line.name.clone(), drives, Arc::clone(&line.inbox))
     }
 
     /// The line makes an attempt; now and then the north side refuses one, each with another text.
@@ -124,12 +157,24 @@ impl Desk {
             self.said += 1;
             let tried = Tried::Text(format!("no {}", first + self.of_north));
             let report = Some(Report::refused(Reason::NotUnderstood));
-            self.north.keep(None, Attempt { id: AttemptId(self.of_north), owner: Owner::Mqtt, tried, report });
+            self.north.keep(
+                None,
+                Attempt {
+                    id: AttemptId(self.of_north),
+                    owner: Owner::Mqtt,
+                    tried,
+                    report,
+                },
+            );
         }
         if self.waits && row.0.is_multiple_of(PAUSE_AFTER) {
             let until = clock::now() + PATIENCE;
             while !source.origin().has_kept(row) {
-                assert!(clock::now() < until, "row {row:?} is not kept: {:?}", self.journal.report());
+                assert!(
+                    clock::now() < until,
+                    "row {row:?} is not kept: {:?}",
+                    self.journal.report()
+                );
                 std::thread::sleep(Duration::from_micros(100));
             }
         }
@@ -163,7 +208,10 @@ impl Desk {
     }
 
     fn close(self) -> JournalReport {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().expect("a runtime");
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_time()
+            .build()
+            .expect("a runtime");
         runtime.block_on(self.journal.close(PATIENCE));
         self.journal.report()
     }
@@ -178,7 +226,10 @@ fn every_attempt_is_counted_once_in_the_file() {
     let of_north = desk.of_north;
     let report = desk.close();
     let (counted, texts) = place.counted();
-    println!("{said} attempts were said, {counted} stand in the file, {} are lost", report.attempts_lost);
+    println!(
+        "{said} attempts were said, {counted} stand in the file, {} are lost",
+        report.attempts_lost
+    );
     assert!(said > attempts() / 2 && of_north > 100);
     assert_eq!((counted, report.attempts_lost, report.lost), (said, 0, 0));
     assert!(texts.len() as u64 == of_north && texts.values().all(|count| *count == 1));
@@ -191,7 +242,9 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
     desk.play(10, 1_000);
     // Another process writes to it and does not finish: rows wait, and then the oldest are dropped.
     let mut other = Connection::open(file_in(&place.0)).expect("the journal");
-    let lock = other.transaction_with_behavior(rusqlite::TransactionBehavior::Immediate).expect("a lock");
+    let lock = other
+        .transaction_with_behavior(rusqlite::TransactionBehavior::Immediate)
+        .expect("a lock");
     desk.waits = false;
     // Faster than the writer accepts it, and then so slowly that the writer itself has too much.
     desk.play(20, 10_000);
@@ -206,8 +259,14 @@ fn what_is_lost_while_the_file_is_locked_is_counted_and_nothing_else_is() {
     let said = desk.said;
     let report = desk.close();
     let (counted, texts) = place.counted();
-    println!("{said} attempts were said, {counted} stand in the file, {} are lost", report.attempts_lost);
-    assert!(report.attempts_lost > 100 && report.failures > 0, "{report:?}");
+    println!(
+        "{said} attempts were said, {counted} stand in the file, {} are lost",
+        report.attempts_lost
+    );
+    assert!(
+        report.attempts_lost > 100 && report.failures > 0,
+        "{report:?}"
+    );
     assert_eq!(counted + report.attempts_lost, said, "{report:?}");
     assert!(texts.values().all(|count| *count == 1));
 }
@@ -221,16 +280,30 @@ fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
     let mut most = 0;
     for life in 0..4_u64 {
         let mut command = Command::new(std::env::current_exe().expect("this program"));
-        command.args(["accounting::plays_until_it_is_killed", "--exact", "--nocapture", "--ignored"]);
-        command.env(CHILD, format!("{life} {}", place.0.display())).stdout(Stdio::piped()).stderr(Stdio::null());
+        command.args([
+            "accounting::plays_until_it_is_killed",
+            "--exact",
+            "--nocapture",
+            "--ignored",
+        ]);
+        command
+            .env(CHILD, format!("{life} {}", place.0.display()))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null());
         let mut child = command.spawn().expect("a child");
         let mut lines = BufReader::new(child.stdout.take().expect("its words")).lines();
         // The first output appears when the journal is open.
         let mut last = (0, 0);
         let mut until = MonoTime::NEVER;
         for line in lines.by_ref().map_while(Result::ok) {
-            if let Some((said, kept)) = line.strip_prefix("said ").and_then(|rest| rest.split_once(" kept ")) {
-                last = (said.parse().expect("a number"), kept.parse().expect("a number"));
+            if let Some((said, kept)) = line
+                .strip_prefix("said ")
+                .and_then(|rest| rest.split_once(" kept "))
+            {
+                last = (
+                    said.parse().expect("a number"),
+                    kept.parse().expect("a number"),
+                );
                 if until == MonoTime::NEVER {
                     until = clock::now() + Duration::from_millis(rng.u64(20..300));
                 }
@@ -246,8 +319,13 @@ fn a_kill_loses_only_what_was_not_kept_and_doubles_nothing() {
         most += last.0;
     }
     let (counted, texts) = place.counted();
-    println!("{least} attempts were kept for sure, {counted} stand in the file, {most} were said at most");
-    assert!((least..=most).contains(&counted), "{least}, {counted}, {most}");
+    println!(
+        "{least} attempts were kept for sure, {counted} stand in the file, {most} were said at most"
+    );
+    assert!(
+        (least..=most).contains(&counted),
+        "{least}, {counted}, {most}"
+    );
     assert!(texts.values().all(|count| *count == 1), "a text twice");
 }
 
@@ -264,7 +342,9 @@ fn plays_until_it_is_killed() {
         let tell = |desk: &Desk, kept| {
             // One more than may be attempted until the next output.
             let line = format!("said {} kept {kept}\n", desk.said + 2 * PAUSE_AFTER);
-            std::io::stdout().write_all(line.as_bytes()).expect("somebody listens");
+            std::io::stdout()
+                .write_all(line.as_bytes())
+                .expect("somebody listens");
         };
         tell(&desk, kept);
         let played = audit_into(life * 1_000 + part, OF_A_LINE, &mut |keep| {

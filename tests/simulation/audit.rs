@@ -8,7 +8,9 @@ use fastrand::Rng;
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Report, Rights};
+use vfd_gateway::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Report, Rights,
+};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, CommanderName, DriveIndex, Ticket};
 use vfd_gateway::domain::native::{NativeAsk, NativeRequest};
@@ -48,7 +50,11 @@ pub fn audit(seed: u64, count: u64) -> Result<(u64, u64), String> {
 pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
-    let faults = FaultPlan { lost: rng.u16(0..30), cut: rng.u16(0..20), ..FaultPlan::NONE };
+    let faults = FaultPlan {
+        lost: rng.u16(0..30),
+        cut: rng.u16(0..20),
+        ..FaultPlan::NONE
+    };
     let mut plan = reads(2, kind, 0, faults);
     plan.keeps = true;
     let mut world = World::with(plan, Rng::with_seed(rng.u64(..)));
@@ -56,7 +62,14 @@ pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), S
     let attempts = HashMap::new();
     let told = HashMap::new();
     let of_attempt = HashMap::new();
-    let mut books = Books { sink, attempts, told, said: Vec::new(), of_attempt, rows: 0 };
+    let mut books = Books {
+        sink,
+        attempts,
+        told,
+        said: Vec::new(),
+        of_attempt,
+        rows: 0,
+    };
     let wrong = |text: String| format!("O14, seed {seed}: {text}");
     for ticket in 1..=count {
         let is_native = give(&mut world, &mut rng, ticket);
@@ -69,7 +82,12 @@ pub fn audit_into(seed: u64, count: u64, sink: Sink<'_>) -> Result<(u64, u64), S
             }
             // An unchanged register is not an attempt.
             [] if is_native => {}
-            _ => return Err(wrong(format!("ticket {ticket} is said {} times", said.len()))),
+            _ => {
+                return Err(wrong(format!(
+                    "ticket {ticket} is said {} times",
+                    said.len()
+                )));
+            }
         }
         let pause = [0, 1, 5, 20, 100, 400][rng.usize(0..6)];
         pass(&mut world, &mut books, Duration::from_millis(pause)).map_err(wrong)?;
@@ -93,12 +111,22 @@ impl Books<'_> {
                 self.said.push((attempt.id.0, attempt.report));
             }
             Entry::Ended { attempt, report } => {
-                let said = self.said.iter_mut().find(|(id, _)| *id == attempt.0).map(|(_, end)| end);
+                let said = self
+                    .said
+                    .iter_mut()
+                    .find(|(id, _)| *id == attempt.0)
+                    .map(|(_, end)| end);
                 let ticket = self.of_attempt.get(&attempt.0);
-                let known = ticket.and_then(|ticket| self.attempts.get_mut(ticket)).map(|(_, end)| end);
+                let known = ticket
+                    .and_then(|ticket| self.attempts.get_mut(ticket))
+                    .map(|(_, end)| end);
                 match said.or(known) {
                     Some(end @ None) => *end = Some(*report),
-                    other => return Err(format!("{attempt:?} ends with {report:?}, before: {other:?}")),
+                    other => {
+                        return Err(format!(
+                            "{attempt:?} ends with {report:?}, before: {other:?}"
+                        ));
+                    }
                 }
             }
             _ => {}
@@ -115,7 +143,9 @@ impl Books<'_> {
             if let Some(told) = self.told.get(&ticket)
                 && *told != end
             {
-                return Err(format!("ticket {ticket} was told {told:?}, its row says {end:?}"));
+                return Err(format!(
+                    "ticket {ticket} was told {told:?}, its row says {end:?}"
+                ));
             }
         }
         self.told.clear();
@@ -131,9 +161,16 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
         2 => Owner::MqttBy(CommanderName::new("panel").expect("a name")),
         who => Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, who))),
     };
-    let rights = Rights { write: rng.u8(0..20) > 0, stop: true };
+    let rights = Rights {
+        write: rng.u8(0..20) > 0,
+        stop: true,
+    };
     let drive = DriveIndex(rng.u16(0..2));
-    let facts = Kind::ALL.iter().map(|kind| kind.facts()).nth(rng.usize(0..3)).expect("a kind");
+    let facts = Kind::ALL
+        .iter()
+        .map(|kind| kind.facts())
+        .nth(rng.usize(0..3))
+        .expect("a kind");
     let asker = AskerId(7);
     if rng.u8(0..4) == 0 {
         let (address, value) = match rng.u8(0..4) {
@@ -142,14 +179,32 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
             2 => (facts.listed, rng.u16(10..80)),
             _ => (rng.u16(..), rng.u16(..)),
         };
-        let ask = NativeAsk::Write { address: address.into(), values: vec![value] };
-        let origin = Origin { owner, rights, manner: Manner::Cyclic };
+        let ask = NativeAsk::Write {
+            address: address.into(),
+            values: vec![value],
+        };
+        let origin = Origin {
+            owner,
+            rights,
+            manner: Manner::Cyclic,
+        };
         let deadline = world.now + Duration::from_secs(5);
-        let request = NativeRequest { asker, ticket: Ticket(ticket), drive, origin, ask, deadline };
+        let request = NativeRequest {
+            asker,
+            ticket: Ticket(ticket),
+            drive,
+            origin,
+            ask,
+            deadline,
+        };
         world.core.handle(world.now, Input::Native(request));
         return true;
     }
-    let direction = if rng.bool() { Direction::Forward } else { Direction::Reverse };
+    let direction = if rng.bool() {
+        Direction::Forward
+    } else {
+        Direction::Reverse
+    };
     let frequency = Some(Hertz::from_centihertz(rng.u16(300..6_000)));
     let go = |frequency, run| Order::Go(Go::new(Vec::new(), frequency, run).expect("an order"));
     let order = match rng.u8(0..12) {
@@ -160,11 +215,25 @@ fn give(world: &mut World, rng: &mut Rng, ticket: u64) -> bool {
         10 if rng.bool() => Order::Coast,
         _ => Order::Stop { setpoint: None },
     };
-    let origin = Origin { owner, rights, manner: Manner::Once };
+    let origin = Origin {
+        owner,
+        rights,
+        manner: Manner::Once,
+    };
     let start_before = world.now + Duration::from_millis(rng.u64(1..1_500));
     let issued = rng.bool().then_some(world.now);
     let (ticket, epoch, trial) = (Ticket(ticket), None, None);
-    let command = CommandRequest { asker, ticket, drive, origin, order, start_before, issued, epoch, trial };
+    let command = CommandRequest {
+        asker,
+        ticket,
+        drive,
+        origin,
+        order,
+        start_before,
+        issued,
+        epoch,
+        trial,
+    };
     world.core.handle(world.now, Input::Command(command));
     false
 }
@@ -177,7 +246,10 @@ fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), 
         if let Some(attempt) = books.said.first() {
             return Err(format!("attempt {attempt:?} is said without one"));
         }
-        let wake = world.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);
+        let wake = world
+            .core
+            .next_wake()
+            .map_or(MonoTime::NEVER, |wake| wake.at);
         let next = wake.min(world.bus.next_due().unwrap_or(MonoTime::NEVER));
         if next > until {
             world.now = until;
@@ -185,7 +257,9 @@ fn pass(world: &mut World, books: &mut Books<'_>, time: Duration) -> Result<(), 
         }
         world.now = world.now.max(next);
         let core = &mut world.core;
-        world.bus.take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        world
+            .bus
+            .take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
     }
 }
 
@@ -198,7 +272,9 @@ fn drain(world: &mut World, books: &mut Books<'_>) -> Result<(), String> {
             }
             Effect::Command(answer) if answer.is_final => {
                 let before = books.told.insert(answer.ticket.0, answer.report);
-                before.map_or(Ok(()), |before| Err(format!("{:?} was told before: {before:?}", answer.ticket)))?;
+                before.map_or(Ok(()), |before| {
+                    Err(format!("{:?} was told before: {before:?}", answer.ticket))
+                })?;
             }
             Effect::Keep(keep) => {
                 books.note(&keep.entry)?;

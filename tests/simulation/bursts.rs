@@ -76,7 +76,11 @@ impl BurstTally {
 /// The built-in models.
 pub fn models() -> Vec<Arc<Model>> {
     let catalog = vendors::catalog();
-    catalog.ids().filter_map(|id| catalog.find(id)).cloned().collect()
+    catalog
+        .ids()
+        .filter_map(|id| catalog.find(id))
+        .cloned()
+        .collect()
 }
 
 impl BurstPlan {
@@ -85,7 +89,10 @@ impl BurstPlan {
         let mut rng = Rng::with_seed(seed);
         let models = models();
         let count = models.len() as u64;
-        let faults = FaultPlan { burst: rng.u16(10..400), ..FaultPlan::NONE };
+        let faults = FaultPlan {
+            burst: rng.u16(10..400),
+            ..FaultPlan::NONE
+        };
         let late = if rng.bool() { rng.u16(0..200) } else { 0 };
         Self {
             model: Arc::clone(&models[(seed % count) as usize]),
@@ -95,7 +102,12 @@ impl BurstPlan {
             turnaround: Duration::from_micros(rng.u64(500..30_000)),
             learns: rng.bool(),
             poll: Duration::from_millis(rng.u64(300..3_000)),
-            faults: FaultPlan { late, lost: rng.u16(0..20), cut: rng.u16(0..20), ..faults },
+            faults: FaultPlan {
+                late,
+                lost: rng.u16(0..20),
+                cut: rng.u16(0..20),
+                ..faults
+            },
         }
     }
 }
@@ -122,21 +134,33 @@ struct Walk {
 impl Walk {
     fn new(seed: u64, plan: &BurstPlan) -> Self {
         let mut rng = Rng::with_seed(seed ^ 0xB0B5);
-        let link = LinkSettings { ..plan.model.link.played() };
-        let options = BusOptions { turnaround: plan.turnaround, delivery: Delivery::Replies, ..BusOptions::default() };
+        let link = LinkSettings {
+            ..plan.model.link.played()
+        };
+        let options = BusOptions {
+            turnaround: plan.turnaround,
+            delivery: Delivery::Replies,
+            ..BusOptions::default()
+        };
         let mut bus = SimBus::new(link, options, rng.u64(..));
         bus.set_echoes(plan.echoes);
         let model = Arc::new(plan.model.on(Framing::Rtu));
         let stations = 1..=plan.drives;
         for station in stations.clone() {
-            let options = DriveOptions { proof_words: Some(PROOF..=PROOF + 0xFF), ..DriveOptions::default() };
+            let options = DriveOptions {
+                proof_words: Some(PROOF..=PROOF + 0xFF),
+                ..DriveOptions::default()
+            };
             bus.connect(Station(station), SimDrive::new(Arc::clone(&model), options));
         }
         let drive = |station| DriveSetup {
             station: Station(station),
             model: Arc::clone(&model),
             poll: plan.poll,
-            timeouts: ReplyTimeouts { learns: plan.learns, ..ReplyTimeouts::fixed(Duration::from_millis(200)) },
+            timeouts: ReplyTimeouts {
+                learns: plan.learns,
+                ..ReplyTimeouts::fixed(Duration::from_millis(200))
+            },
             max_lateness: model.timing.max_lateness.value,
             control: None,
             remembered: Remembered::default(),
@@ -165,7 +189,9 @@ impl Walk {
             proof: 0,
             ticket: 0,
             asked: HashMap::new(),
-            next: (0..plan.clients).map(|client| (now + CALM, client)).collect(),
+            next: (0..plan.clients)
+                .map(|client| (now + CALM, client))
+                .collect(),
             wrong: None,
             tally: BurstTally::default(),
         }
@@ -174,13 +200,23 @@ impl Walk {
     fn ask(&mut self, client: u64) {
         self.ticket += 1;
         self.asked.insert(self.ticket, (client, self.now));
-        let rights = Rights { write: false, stop: false };
+        let rights = Rights {
+            write: false,
+            stop: false,
+        };
         let request = NativeRequest {
             asker: AskerId(client + 1),
             ticket: Ticket(self.ticket),
             drive: DriveIndex(self.rng.u16(0..self.drives)),
-            origin: Origin { owner: Owner::Local, rights, manner: Manner::Once },
-            ask: NativeAsk::Read { address: (PROOF + self.rng.u16(0..8)).into(), count: self.rng.u16(1..=self.most) },
+            origin: Origin {
+                owner: Owner::Local,
+                rights,
+                manner: Manner::Once,
+            },
+            ask: NativeAsk::Read {
+                address: (PROOF + self.rng.u16(0..8)).into(),
+                count: self.rng.u16(1..=self.most),
+            },
             deadline: self.now + Duration::from_secs(5),
         };
         self.core.handle(self.now, Input::Native(request));
@@ -188,12 +224,21 @@ impl Walk {
 
     /// Jumps to the next event.
     fn step(&mut self) {
-        let wake = self.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);
+        let wake = self
+            .core
+            .next_wake()
+            .map_or(MonoTime::NEVER, |wake| wake.at);
         let due = self.bus.next_due().unwrap_or(MonoTime::NEVER);
-        let ask = self.next.iter().map(|(at, _)| *at).min().unwrap_or(MonoTime::NEVER);
+        let ask = self
+            .next
+            .iter()
+            .map(|(at, _)| *at)
+            .min()
+            .unwrap_or(MonoTime::NEVER);
         self.now = self.now.max(wake.min(due).min(ask));
         let core = &mut self.core;
-        self.bus.take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        self.bus
+            .take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
         let now = self.now;
         let (due, later): (Vec<_>, Vec<_>) = self.next.drain(..).partition(|(at, _)| *at <= now);
         self.next = later;
@@ -221,18 +266,26 @@ impl Walk {
     }
 
     fn answered(&mut self, ticket: u64, outcome: &NativeOutcome) {
-        let (client, since) = self.asked.remove(&ticket).expect("each request is answered once");
+        let (client, since) = self
+            .asked
+            .remove(&ticket)
+            .expect("each request is answered once");
         self.tally.reads += 1;
-        let NativeOutcome::Words(words) = outcome else { return self.next.push((self.now + PAUSE, client)) };
+        let NativeOutcome::Words(words) = outcome else {
+            return self.next.push((self.now + PAUSE, client));
+        };
         if words.iter().any(|word| *word != self.proof) {
             let proof = self.proof;
             let reads = self.tally.reads;
-            self.wrong.get_or_insert_with(|| format!("read {reads}: {words:04X?} in exchange {proof:04X}"));
+            self.wrong.get_or_insert_with(|| {
+                format!("read {reads}: {words:04X?} in exchange {proof:04X}")
+            });
         }
         self.tally.right += 1;
         self.tally.longest = self.tally.longest.max(self.now.since(since));
         // A client needs a moment to read an answer.
-        self.next.push((self.now + Duration::from_micros(100), client));
+        self.next
+            .push((self.now + Duration::from_micros(100), client));
     }
 }
 
@@ -263,7 +316,9 @@ pub fn walk(seed: u64, plan: &BurstPlan, reads: u64) -> Result<BurstTally, Strin
     };
     match walk.wrong {
         None => Ok(tally),
-        Some(text) => Err(format!("seed {seed}: {text}\n{plan:?}\nagain: --what bursts --seed {seed} --shards 1")),
+        Some(text) => Err(format!(
+            "seed {seed}: {text}\n{plan:?}\nagain: --what bursts --seed {seed} --shards 1"
+        )),
     }
 }
 
@@ -284,7 +339,10 @@ pub fn costs(reads: u64) -> Result<Vec<(String, f64, f64, Duration)>, String> {
     let mut rows = Vec::new();
     for model in models() {
         for echoes in [false, true] {
-            let faults = FaultPlan { burst: 10, ..FaultPlan::NONE };
+            let faults = FaultPlan {
+                burst: 10,
+                ..FaultPlan::NONE
+            };
             let plan = BurstPlan {
                 model: Arc::clone(&model),
                 drives: 1,
@@ -295,9 +353,20 @@ pub fn costs(reads: u64) -> Result<Vec<(String, f64, f64, Duration)>, String> {
                 poll: Duration::from_secs(1),
                 faults,
             };
-            let clean = walk(1, &BurstPlan { faults: FaultPlan::NONE, ..plan.clone() }, reads)?;
+            let clean = walk(
+                1,
+                &BurstPlan {
+                    faults: FaultPlan::NONE,
+                    ..plan.clone()
+                },
+                reads,
+            )?;
             let noisy = walk(1, &plan, reads)?;
-            let name = format!("{}, {}", model.id, if echoes { "with echo" } else { "without echo" });
+            let name = format!(
+                "{}, {}",
+                model.id,
+                if echoes { "with echo" } else { "without echo" }
+            );
             rows.push((name, clean.rate(), noisy.rate(), noisy.longest));
         }
     }

@@ -32,12 +32,19 @@ impl Client {
     pub fn new(who: usize, asker: u64, now: MonoTime) -> Self {
         // Two of them share one address: they are one owner.
         let address = IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1 + who as u8 / 2));
-        let rights = Rights { write: true, stop: true };
+        let rights = Rights {
+            write: true,
+            stop: true,
+        };
         Self {
             machine: Connection::new(Limits::default(), now),
             commands: Commands::default(),
             asker: AskerId(asker),
-            origin: Origin { owner: Owner::ModbusTcp(address), rights, manner: Manner::Cyclic },
+            origin: Origin {
+                owner: Owner::ModbusTcp(address),
+                rights,
+                manner: Manner::Cyclic,
+            },
             transaction: 0,
             stalled_until: None,
             waiting: Vec::new(),
@@ -59,16 +66,32 @@ impl Client {
         let facts = drive.kind.facts();
         let dice = rng.u8(0..100);
         let (unit, pdu): (u8, Vec<u8>) = match dice {
-            0..45 => {
-                (drive.unit, words(3 + dice % 2, &[PROOF + rng.u16(0..16), rng.u16(1..=if dice < 2 { 40 } else { 8 })]))
-            }
-            45..52 => (drive.unit, words(3, &[facts.readable.0, rng.u16(1..=facts.readable.1)])),
-            52..66 => (drive.uniform, words(3 + dice % 2, &[rng.u16(0..6), rng.u16(1..16)])),
+            0..45 => (
+                drive.unit,
+                words(
+                    3 + dice % 2,
+                    &[
+                        PROOF + rng.u16(0..16),
+                        rng.u16(1..=if dice < 2 { 40 } else { 8 }),
+                    ],
+                ),
+            ),
+            45..52 => (
+                drive.unit,
+                words(3, &[facts.readable.0, rng.u16(1..=facts.readable.1)]),
+            ),
+            52..66 => (
+                drive.uniform,
+                words(3 + dice % 2, &[rng.u16(0..6), rng.u16(1..16)]),
+            ),
             66..68 => (255, words(3, &[rng.u16(0..8), 4])),
             68..70 => (drive.uniform, words(1, &[0, 4])),
             70..71 => (rng.u8(200..250), words(3, &[0, 1])),
             71..73 => (drive.unit, words(3, &[rng.u16(..), rng.u16(0..200)])),
-            73..74 => (drive.unit, (0..rng.usize(1..12)).map(|_| rng.u8(64..)).collect()),
+            73..74 => (
+                drive.unit,
+                (0..rng.usize(1..12)).map(|_| rng.u8(64..)).collect(),
+            ),
             _ if !may_write => (drive.uniform, words(3, &[256, 6])),
             _ => self.command(rng, drive),
         };
@@ -81,20 +104,38 @@ impl Client {
             self.habit = (rng.u16(300..6_000) / 100 * 100, rng.u16(1..=2));
         }
         let (setpoint, direction) = self.habit;
-        let run = [Run::Stop, Run::Forward, Run::Reverse, Run::Coast, Run::Reset][rng.usize(0..5)];
+        let run = [
+            Run::Stop,
+            Run::Forward,
+            Run::Reverse,
+            Run::Coast,
+            Run::Reset,
+        ][rng.usize(0..5)];
         match rng.u8(0..24) {
             0..6 => (drive.uniform, block(256, &[direction, setpoint])),
             6..8 => (drive.uniform, words(6, &[257, setpoint])),
             8..12 => (drive.uniform, words(6, &[256, 0])),
             12 => (drive.uniform, words(6, &[256, rng.u16(0..8)])),
             13 => (drive.uniform, words(6, &[258, 0])),
-            14 | 15 => (drive.uniform, words(5, &[rng.u16(0..5), if rng.bool() { 0xFF00 } else { 0 }])),
-            16 => (drive.unit, words(6, &[facts.run, facts.word_of(run).unwrap_or(0x55)])),
-            17 => (drive.unit, words(6, &[facts.run, facts.word_of(Run::Stop).unwrap_or(0)])),
+            14 | 15 => (
+                drive.uniform,
+                words(5, &[rng.u16(0..5), if rng.bool() { 0xFF00 } else { 0 }]),
+            ),
+            16 => (
+                drive.unit,
+                words(6, &[facts.run, facts.word_of(run).unwrap_or(0x55)]),
+            ),
+            17 => (
+                drive.unit,
+                words(6, &[facts.run, facts.word_of(Run::Stop).unwrap_or(0)]),
+            ),
             18 | 19 => (drive.unit, words(6, &[facts.setpoint, setpoint])),
             20 => (drive.unit, words(6, &[facts.listed, rng.u16(10..80)])),
             21 => (drive.unit, words(6, &[rng.u16(..), rng.u16(..)])),
-            22 => (drive.unit, block(facts.run, &[facts.word_of(run).unwrap_or(0), setpoint])),
+            22 => (
+                drive.unit,
+                block(facts.run, &[facts.word_of(run).unwrap_or(0), setpoint]),
+            ),
             _ if rng.u8(0..4) == 0 => (255, words(5, &[0, 0xFF00])),
             _ => (drive.uniform, words(6, &[256, 4])),
         }
@@ -103,7 +144,9 @@ impl Client {
 
 /// A PDU of `function` and words.
 fn words(function: u8, words: &[u16]) -> Vec<u8> {
-    std::iter::once(function).chain(words.iter().flat_map(|word| word.to_be_bytes())).collect()
+    std::iter::once(function)
+        .chain(words.iter().flat_map(|word| word.to_be_bytes()))
+        .collect()
 }
 
 /// A PDU that writes `values` from `address` on by function 10 hex.
@@ -128,7 +171,12 @@ impl World {
         if bytes.is_empty() {
             let how_many = if dice < 8 { self.rng.usize(2..20) } else { 1 };
             for _ in 0..how_many {
-                client.ask(&mut self.rng, &self.plan.line.drives, self.may_write, &mut bytes);
+                client.ask(
+                    &mut self.rng,
+                    &self.plan.line.drives,
+                    self.may_write,
+                    &mut bytes,
+                );
             }
             match dice {
                 8..20 => client.rest = bytes.split_off(self.rng.usize(1..bytes.len())),

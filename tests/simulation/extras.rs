@@ -25,9 +25,22 @@ pub enum Extra {
 pub const AWAITED: &[Extra] = &[];
 
 impl Extra {
-    pub const ALL: [Self; 6] =
-        [Self::Others, Self::RefusedStops, Self::BrokerStalls, Self::Clocks, Self::ClientStalls, Self::Standstills];
-    const NAMES: [&str; 6] = ["others", "refused-stops", "broker-stalls", "clocks", "client-stalls", "standstills"];
+    pub const ALL: [Self; 6] = [
+        Self::Others,
+        Self::RefusedStops,
+        Self::BrokerStalls,
+        Self::Clocks,
+        Self::ClientStalls,
+        Self::Standstills,
+    ];
+    const NAMES: [&str; 6] = [
+        "others",
+        "refused-stops",
+        "broker-stalls",
+        "clocks",
+        "client-stalls",
+        "standstills",
+    ];
 }
 
 /// Some kinds.
@@ -40,7 +53,9 @@ impl Extras {
 
     /// The enabled kinds.
     pub fn on() -> Self {
-        AWAITED.iter().fold(Self::ALL, |all, extra| Self(all.0 & !(1 << *extra as u8)))
+        AWAITED
+            .iter()
+            .fold(Self::ALL, |all, extra| Self(all.0 & !(1 << *extra as u8)))
     }
 
     /// The kinds that `text` names: `all`, `none`, `on`, or names separated by commas.

@@ -7,7 +7,9 @@ use super::world::World;
 use fastrand::Rng;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Duration;
-use vfd_gateway::domain::command::{CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Rights};
+use vfd_gateway::domain::command::{
+    CommandRequest, Direction, Go, Manner, Order, Origin, Owner, Rights,
+};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{AskerId, DriveIndex, Ticket};
 use vfd_gateway::domain::time::MonoTime;
@@ -27,14 +29,32 @@ pub fn holders(seed: u64) -> Result<(u64, Duration, Duration), String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
     let mut plan = reads(DRIVES, kind, 0, FaultPlan::NONE);
-    plan.line.drives.iter_mut().for_each(|drive| drive.lost_after = 30_000_000_000);
+    plan.line
+        .drives
+        .iter_mut()
+        .for_each(|drive| drive.lost_after = 30_000_000_000);
     let bounds = plan.setup(1).stop_bounds();
     let facts = kind.facts();
-    let stop = model_of(kind).run.as_ref().map(|run| run.stop.value).expect("it can be stopped");
-    let mut line = Line { world: World::with(plan, rng), ticket: 0, stops: Vec::new(), run: facts.run, stop };
+    let stop = model_of(kind)
+        .run
+        .as_ref()
+        .map(|run| run.stop.value)
+        .expect("it can be stopped");
+    let mut line = Line {
+        world: World::with(plan, rng),
+        ticket: 0,
+        stops: Vec::new(),
+        run: facts.run,
+        stop,
+    };
     line.pass(Duration::from_secs(20));
     for drive in 0..u16::from(DRIVES) {
-        let run = Go::new(Vec::new(), Some(Hertz::from_centihertz(3_000)), Some(Direction::Forward)).expect("an order");
+        let run = Go::new(
+            Vec::new(),
+            Some(Hertz::from_centihertz(3_000)),
+            Some(Direction::Forward),
+        )
+        .expect("an order");
         line.order(drive, Order::Go(run));
         line.pass(Duration::from_millis(600));
     }
@@ -44,12 +64,25 @@ pub fn holders(seed: u64) -> Result<(u64, Duration, Duration), String> {
     line.pass(Duration::from_secs(60));
     let mut worst = Duration::ZERO;
     let most = bounds.all_healthy + bounds.each_further * u32::from(DRIVES - 1);
-    for station in line.world.plan.line.drives.iter().map(|drive| drive.station) {
+    for station in line
+        .world
+        .plan
+        .line
+        .drives
+        .iter()
+        .map(|drive| drive.station)
+    {
         let is_for = |to: u8| to == station || Some(to) == line.world.plan.line.broadcast();
-        let first = line.stops.iter().find(|(_, to)| is_for(*to)).ok_or(format!("seed {seed}: {station} runs on"))?;
+        let first = line
+            .stops
+            .iter()
+            .find(|(_, to)| is_for(*to))
+            .ok_or(format!("seed {seed}: {station} runs on"))?;
         let waited = first.0.since(lost_at);
         if first.0 < lost_at || waited > most {
-            return Err(format!("seed {seed}: station {station} after {waited:?}, {most:?} are printed"));
+            return Err(format!(
+                "seed {seed}: station {station} after {waited:?}, {most:?} are printed"
+            ));
         }
         worst = worst.max(waited);
     }
@@ -69,7 +102,14 @@ impl Line {
         self.ticket += 1;
         let world = &mut self.world;
         let owner = Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 9, 0, drive as u8)));
-        let origin = Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once };
+        let origin = Origin {
+            owner,
+            rights: Rights {
+                write: true,
+                stop: true,
+            },
+            manner: Manner::Once,
+        };
         let command = CommandRequest {
             asker: AskerId(1_000),
             ticket: Ticket(self.ticket),
@@ -100,7 +140,10 @@ impl Line {
                     world.core.transmitted(world.now);
                 }
             }
-            let wake = world.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);
+            let wake = world
+                .core
+                .next_wake()
+                .map_or(MonoTime::NEVER, |wake| wake.at);
             let next = wake.min(world.bus.next_due().unwrap_or(MonoTime::NEVER));
             if next > until {
                 world.now = until;
@@ -108,7 +151,9 @@ impl Line {
             }
             world.now = world.now.max(next);
             let core = &mut world.core;
-            world.bus.take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+            world
+                .bus
+                .take_due(world.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
         }
     }
 }

@@ -42,14 +42,24 @@ impl Journal {
         let number = (keep.row.0, self.last_row);
         let newest = self.on_the_way.back().map_or(MonoTime::ZERO, |(at, _)| *at);
         let at = newest.max(now + Duration::from_micros(self.rng.u64(0..50_000)));
-        let at = if at >= self.stuck_from { MonoTime::NEVER } else { at };
+        let at = if at >= self.stuck_from {
+            MonoTime::NEVER
+        } else {
+            at
+        };
         self.on_the_way.push_back((at, keep));
-        if is_next { Ok(()) } else { Err(format!("row {} instead of {}", number.0, number.1)) }
+        if is_next {
+            Ok(())
+        } else {
+            Err(format!("row {} instead of {}", number.0, number.1))
+        }
     }
 
     /// When the next row is kept.
     pub fn due(&self) -> MonoTime {
-        self.on_the_way.front().map_or(MonoTime::NEVER, |(at, _)| *at)
+        self.on_the_way
+            .front()
+            .map_or(MonoTime::NEVER, |(at, _)| *at)
     }
 
     /// The newest row that is kept by `now`, if there is a new one; `tell` is called with each of them.
@@ -62,7 +72,13 @@ impl Journal {
             if let Entry::Trip(event, _) = &keep.entry
                 && let TripEventKind::Tripped { trips, .. } = event.kind
             {
-                tell(drive, Kept::Trips { trips, count: event.count });
+                tell(
+                    drive,
+                    Kept::Trips {
+                        trips,
+                        count: event.count,
+                    },
+                );
             }
         }
         newest
@@ -80,7 +96,10 @@ impl Journal {
             }
             Entry::Baseline(baseline) => memory.trips = Some(*baseline),
             Entry::Lease(owner) => {
-                memory.lease = owner.map(|owner| RememberedLease { owner, was_orphaned: false });
+                memory.lease = owner.map(|owner| RememberedLease {
+                    owner,
+                    was_orphaned: false,
+                });
             }
             Entry::StopPending { coast } => memory.stop = Some(RememberedStop { coast: *coast }),
             Entry::StopOver { .. } => memory.stop = None,
@@ -95,7 +114,9 @@ impl Journal {
                     "{before:?}, then {now:?}"
                 );
             }
-            Entry::OutOfSight { last_seen } => (memory.may_still_run, memory.last_seen) = (true, *last_seen),
+            Entry::OutOfSight { last_seen } => {
+                (memory.may_still_run, memory.last_seen) = (true, *last_seen)
+            }
             Entry::InSight { .. } => (memory.may_still_run, memory.last_seen) = (false, None),
             Entry::Attempt(_)
             | Entry::Ended { .. }
@@ -114,7 +135,10 @@ impl Journal {
         self.last_row = 0;
         let told = self.memory.clone();
         for memory in &mut self.memory {
-            memory.lease = memory.lease.map(|lease| RememberedLease { was_orphaned: true, ..lease });
+            memory.lease = memory.lease.map(|lease| RememberedLease {
+                was_orphaned: true,
+                ..lease
+            });
         }
         told
     }

@@ -55,9 +55,8 @@ pub fn kills(seed: u64, count: u64) -> Result<Tally, String> {
     world.end();
     match world.checker.violation() {
         None => Ok(world.tally),
-        Some(it) => {
-            Err(told(seed, world.checker.wire.count(), &world, it).replace("-- --seed", "-- --what kills --seed"))
-        }
+        Some(it) => Err(told(seed, world.checker.wire.count(), &world, it)
+            .replace("-- --seed", "-- --what kills --seed")),
     }
 }
 
@@ -68,9 +67,18 @@ impl World {
             1 => self.rng.u64(1_000..5_000),
             _ => self.rng.u64(5_000..40_000),
         });
-        let calm = if self.tally.kills == 0 { Duration::from_secs(7) } else { Duration::ZERO };
+        let calm = if self.tally.kills == 0 {
+            Duration::from_secs(7)
+        } else {
+            Duration::ZERO
+        };
         let at = self.now + calm + lives;
-        self.doom = Some(Doom { at, left, effects: self.rng.u32(0..5), is_now: false });
+        self.doom = Some(Doom {
+            at,
+            left,
+            effects: self.rng.u32(0..5),
+            is_now: false,
+        });
         if left > 0
             && self.rng.u8(0..4) == 0
             && let Some(journal) = &mut self.journal
@@ -82,8 +90,14 @@ impl World {
 
     /// When something of the journal or a kill is due.
     pub fn kept_due(&self) -> MonoTime {
-        let kill = self.doom.filter(|doom| doom.left > 0).map_or(MonoTime::NEVER, |doom| doom.at);
-        self.journal.as_ref().map_or(MonoTime::NEVER, Journal::due).min(kill)
+        let kill = self
+            .doom
+            .filter(|doom| doom.left > 0)
+            .map_or(MonoTime::NEVER, |doom| doom.at);
+        self.journal
+            .as_ref()
+            .map_or(MonoTime::NEVER, Journal::due)
+            .min(kill)
     }
 
     /// The line is notified of rows that are kept by now; a due kill happens in this round.
@@ -92,14 +106,19 @@ impl World {
         if let Some(doom) = &mut self.doom {
             doom.is_now |= doom.left > 0 && doom.at <= now;
         }
-        let (Some(journal), checker) = (&mut self.journal, &mut self.checker) else { return };
+        let (Some(journal), checker) = (&mut self.journal, &mut self.checker) else {
+            return;
+        };
         let newest = journal.take(now, |drive, it| checker.kept(now.as_nanos(), drive, it));
         if let Some(row) = newest {
             self.core.handle(now, Input::Kept(row));
         }
         for drive in 0..self.plan.line.drives.len() {
-            let view = self.core.view(vfd_gateway::domain::ids::DriveIndex(drive as u16));
-            self.checker.trips_shown(drive, view.map_or(0, |view| view.trip_kept.total));
+            let view = self
+                .core
+                .view(vfd_gateway::domain::ids::DriveIndex(drive as u16));
+            self.checker
+                .trips_shown(drive, view.map_or(0, |view| view.trip_kept.total));
         }
     }
 
@@ -110,7 +129,9 @@ impl World {
             Entry::Ended { attempt, .. } => self.checker.attempt_ended(attempt.0),
             _ => {}
         }
-        let Some(journal) = &mut self.journal else { return self.checker.says("O14", "a row without a journal") };
+        let Some(journal) = &mut self.journal else {
+            return self.checker.says("O14", "a row without a journal");
+        };
         if let Err(text) = journal.say(self.now, keep) {
             self.checker.says("O14", &text);
         }
@@ -118,7 +139,9 @@ impl World {
 
     /// One more effect of this round: whether the gateway is killed before it.
     pub fn is_killed(&mut self) -> bool {
-        let Some(doom) = self.doom.as_mut().filter(|doom| doom.is_now) else { return false };
+        let Some(doom) = self.doom.as_mut().filter(|doom| doom.is_now) else {
+            return false;
+        };
         if doom.effects > 0 {
             doom.effects -= 1;
             return false;
@@ -147,12 +170,18 @@ impl World {
         for (drive, remembered) in setup.drives.iter_mut().zip(&remembered) {
             drive.remembered = *remembered;
         }
-        let known =
-            remembered.iter().map(|it| Known { is_leased: it.lease.is_some(), stop: it.stop.map(|it| it.coast) });
+        let known = remembered.iter().map(|it| Known {
+            is_leased: it.lease.is_some(),
+            stop: it.stop.map(|it| it.coast),
+        });
         let known: Vec<Known> = known.collect();
         self.core = LineCore::new(setup, self.now);
         self.checker.restarted(self.now.as_nanos(), &known);
-        self.views = self.descriptions.iter().map(|_| Arc::new(DriveView::default())).collect();
+        self.views = self
+            .descriptions
+            .iter()
+            .map(|_| Arc::new(DriveView::default()))
+            .collect();
         for who in 0..self.clients.len() {
             self.askers += 1;
             self.clients[who] = Client::new(who, self.askers, self.now);

@@ -11,7 +11,9 @@ use vfd_gateway::domain::time::{MonoTime, WallTime};
 use vfd_gateway::drive::description::DriveRef;
 use vfd_gateway::drive::view::TripEvent;
 use vfd_gateway::gateway::Input;
-use vfd_gateway::north::broker::{Broker, Event, LineState, Message, Publication, Qos, ToLine, Version};
+use vfd_gateway::north::broker::{
+    Broker, Event, LineState, Message, Publication, Qos, ToLine, Version,
+};
 use vfd_gateway::north::clock::Moment;
 use vfd_gateway::north::mqtt::{Act, LeaseMode, Session, Settings, Tree};
 
@@ -26,7 +28,13 @@ pub(super) enum Coming {
     Connected,
     Granted(usize),
     Acknowledged(u64),
-    Message { topic: String, payload: String, retain: bool, duplicate: bool, issued: MonoTime },
+    Message {
+        topic: String,
+        payload: String,
+        retain: bool,
+        duplicate: bool,
+        issued: MonoTime,
+    },
 }
 
 /// The session with its broker.
@@ -73,9 +81,21 @@ impl MqttSide {
             home_assistant: None,
         };
         let name = Name::new("line").expect("a name");
-        let session = Session::new(settings, world.descriptions.clone(), vec![name], moment(world.now, 0), 1);
+        let session = Session::new(
+            settings,
+            world.descriptions.clone(),
+            vec![name],
+            moment(world.now, 0),
+            1,
+        );
         let from = world.now + Duration::from_secs(8);
-        let first = |extra| if world.plan.extras.has(extra) { from } else { MonoTime::NEVER };
+        let first = |extra| {
+            if world.plan.extras.has(extra) {
+                from
+            } else {
+                MonoTime::NEVER
+            }
+        };
         Self {
             session,
             wake_at: world.now,
@@ -116,22 +136,36 @@ const fn wall_ms(now: MonoTime) -> i64 {
 }
 
 pub(super) const fn moment(now: MonoTime, ahead: i64) -> Moment {
-    Moment { mono: now, wall: WallTime { unix_ms: wall_ms(now) + ahead } }
+    Moment {
+        mono: now,
+        wall: WallTime {
+            unix_ms: wall_ms(now) + ahead,
+        },
+    }
 }
 
 impl World {
     /// Runs the MQTT side, if it is due.
     pub fn mqtt_turn(&mut self) {
-        let Some(mut side) = self.mqtt.take() else { return };
+        let Some(mut side) = self.mqtt.take() else {
+            return;
+        };
         if side.wake_at <= self.now {
             self.broker_turn(&mut side);
             side.session.tick(moment(self.now, side.ahead));
             self.pump(&mut side);
             let session = side.session.next_wake().unwrap_or(MonoTime::NEVER);
             let coming = side.coming.first().map_or(MonoTime::NEVER, |(at, _)| *at);
-            let own =
-                side.message_at.min(side.outage_at).min(side.stall_at).min(side.clock_at).min(self.now + LOOK_EVERY);
-            side.wake_at = session.min(coming).min(own).max(self.now + Duration::from_micros(10));
+            let own = side
+                .message_at
+                .min(side.outage_at)
+                .min(side.stall_at)
+                .min(side.clock_at)
+                .min(self.now + LOOK_EVERY);
+            side.wake_at = session
+                .min(coming)
+                .min(own)
+                .max(self.now + Duration::from_micros(10));
         }
         self.mqtt = Some(side);
     }
@@ -148,10 +182,21 @@ impl World {
 
     /// A message for the first drive is delivered now.
     pub fn deliver(&mut self, input: &str, payload: &str, retain: bool, duplicate: bool) {
-        let Some(mut side) = self.mqtt.take() else { return };
+        let Some(mut side) = self.mqtt.take() else {
+            return;
+        };
         let topic = format!("vfd/plant/drive/d0/{input}");
         let issued = self.now;
-        self.comes(&mut side, Coming::Message { topic, payload: payload.to_owned(), retain, duplicate, issued });
+        self.comes(
+            &mut side,
+            Coming::Message {
+                topic,
+                payload: payload.to_owned(),
+                retain,
+                duplicate,
+                issued,
+            },
+        );
         side.wake_at = self.now;
         self.mqtt = Some(side);
     }
@@ -160,7 +205,8 @@ impl World {
     fn broker_turn(&mut self, side: &mut MqttSide) {
         if side.outage_at <= self.now {
             side.outage_at = self.now + self.about(Duration::from_secs(120));
-            self.checker.note(self.now.as_nanos(), 0, "the broker is lost");
+            self.checker
+                .note(self.now.as_nanos(), 0, "the broker is lost");
             let back_in = self.about(Duration::from_secs(6));
             side.lose(self.now, back_in);
         }
@@ -185,7 +231,9 @@ impl World {
 
     /// The same while the gateway is suspended.
     pub fn commanders_act(&mut self) {
-        let Some(mut side) = self.mqtt.take() else { return };
+        let Some(mut side) = self.mqtt.take() else {
+            return;
+        };
         self.command(&mut side);
         self.mqtt = Some(side);
     }
@@ -195,20 +243,37 @@ impl World {
         match coming {
             Coming::Connected => {
                 side.is_connected = true;
-                let broker = Broker { maximum_packet_bytes: None, retains: true };
+                let broker = Broker {
+                    maximum_packet_bytes: None,
+                    retains: true,
+                };
                 side.session.handle(at, Event::Connected(broker));
             }
             Coming::Granted(filters) => {
                 side.is_subscribed = true;
                 self.checker.broker_opened(self.now.as_nanos());
-                side.session.handle(at, Event::Subscribed(vec![true; filters]));
+                side.session
+                    .handle(at, Event::Subscribed(vec![true; filters]));
             }
             Coming::Acknowledged(token) => side.session.handle(at, Event::Acknowledged(token)),
-            Coming::Message { topic, payload, retain, duplicate, issued } => {
+            Coming::Message {
+                topic,
+                payload,
+                retain,
+                duplicate,
+                issued,
+            } => {
                 self.tally.messages += 1;
                 let wall_ms = (wall_ms(self.now) + side.ahead).unsigned_abs();
                 let issued = issued.as_nanos();
-                let inbound = Inbound { topic: &topic, payload: &payload, retain, duplicate, wall_ms, issued };
+                let inbound = Inbound {
+                    topic: &topic,
+                    payload: &payload,
+                    retain,
+                    duplicate,
+                    wall_ms,
+                    issued,
+                };
                 self.checker.message(self.now.as_nanos(), inbound);
                 let payload = payload.as_bytes();
                 let message = Message {
@@ -242,23 +307,43 @@ impl World {
             8 => (to("trip/reset"), "reset".to_owned()),
             9 => (to("lease"), String::new()),
             10 => ("vfd/plant/all/run/set".to_owned(), "stop".to_owned()),
-            11 => ("home/status".to_owned(), ["online", "offline"][rng.usize(0..2)].to_owned()),
+            11 => (
+                "home/status".to_owned(),
+                ["online", "offline"][rng.usize(0..2)].to_owned(),
+            ),
             12 => (to("param/D001/get"), String::new()),
             13 if let Some((topic, payload, issued)) = side.last.clone() => {
                 // A replay without a timestamp is recognised by its id alone, if the first one ever arrived.
-                let issued = if payload.contains("issued_at") { issued } else { self.now };
-                return Coming::Message { topic, payload, retain, duplicate, issued };
+                let issued = if payload.contains("issued_at") {
+                    issued
+                } else {
+                    self.now
+                };
+                return Coming::Message {
+                    topic,
+                    payload,
+                    retain,
+                    duplicate,
+                    issued,
+                };
             }
             _ => {
                 side.last_id += 1;
-                let mut payload = format!("{{\"id\":\"o{}\",\"run\":\"{}\"", side.last_id, word.trim());
+                let mut payload =
+                    format!("{{\"id\":\"o{}\",\"run\":\"{}\"", side.last_id, word.trim());
                 let wall = wall_ms(self.now) + side.commanders_ahead;
                 if self.plan.extras.has(Extra::Clocks) && rng.u8(0..3) == 0 {
                     // Recognised by its timestamp alone.
                     payload = format!("{{\"issued_at\":{wall},\"run\":\"{}\"}}", word.trim());
                     side.last = Some((to("command"), payload.clone(), self.now));
                     let topic = to("command");
-                    return Coming::Message { topic, payload, retain: false, duplicate: false, issued: self.now };
+                    return Coming::Message {
+                        topic,
+                        payload,
+                        retain: false,
+                        duplicate: false,
+                        issued: self.now,
+                    };
                 }
                 if rng.u8(0..4) > 0 {
                     payload += &format!(",\"frequency_hz\":{frequency}");
@@ -275,7 +360,13 @@ impl World {
                 (to("command"), payload)
             }
         };
-        Coming::Message { topic, payload, retain, duplicate, issued: self.now }
+        Coming::Message {
+            topic,
+            payload,
+            retain,
+            duplicate,
+            issued: self.now,
+        }
     }
 
     /// Executes all acts of the session.
@@ -291,11 +382,15 @@ impl World {
         if !side.is_connected {
             return;
         }
-        while let Some(act) = side.session.next_act(moment(self.now, side.ahead), &self.views, &side.lines) {
+        while let Some(act) =
+            side.session
+                .next_act(moment(self.now, side.ahead), &self.views, &side.lines)
+        {
             match act {
-                Act::Subscribe(filters) => {
-                    side.put(self.now + Duration::from_millis(3), Coming::Granted(filters.len()))
-                }
+                Act::Subscribe(filters) => side.put(
+                    self.now + Duration::from_millis(3),
+                    Coming::Granted(filters.len()),
+                ),
                 Act::Publish(publication) => self.publish(side, publication),
                 Act::Reconnect(_) => return side.lose(self.now, Duration::from_secs(1)),
                 inward => self.inward(inward),
@@ -305,20 +400,38 @@ impl World {
 
     fn publish(&mut self, side: &mut MqttSide, it: Publication) {
         let payload = String::from_utf8(it.payload).unwrap_or_default();
-        self.checker.published(self.now.as_nanos(), &it.topic, &payload);
+        self.checker
+            .published(self.now.as_nanos(), &it.topic, &payload);
         let back_at = self.now.max(side.held.1) + Duration::from_millis(self.rng.u64(1..40));
         if let Some(token) = it.token {
             side.put(back_at, Coming::Acknowledged(token));
         }
         if it.topic.ends_with("/probe") && side.is_subscribed {
             let issued = self.now;
-            side.put(back_at, Coming::Message { topic: it.topic, payload, retain: false, duplicate: false, issued });
+            side.put(
+                back_at,
+                Coming::Message {
+                    topic: it.topic,
+                    payload,
+                    retain: false,
+                    duplicate: false,
+                    issued,
+                },
+            );
         } else if it.topic.ends_with("/state")
-            && let Some(drive) = it.topic.bytes().rev().nth(6).map(|digit| usize::from(digit - b'0'))
+            && let Some(drive) = it
+                .topic
+                .bytes()
+                .rev()
+                .nth(6)
+                .map(|digit| usize::from(digit - b'0'))
             && let Some((_, rest)) = payload.split_once("\"epoch\":")
             && self.rng.u8(0..4) > 0
         {
-            let digits = rest.split([',', '}']).next().and_then(|digits| digits.parse().ok());
+            let digits = rest
+                .split([',', '}'])
+                .next()
+                .and_then(|digits| digits.parse().ok());
             if let (Some(epoch), Some(shown)) = (digits, side.epochs.get_mut(drive)) {
                 *shown = epoch;
             }
@@ -333,10 +446,18 @@ impl World {
 
     fn inward(&mut self, act: Act) {
         match act {
-            Act::ToLine(ToLine::Command(_, command)) => self.core.handle(self.now, Input::Command(command)),
-            Act::ToLine(ToLine::Read(_, request)) => self.core.handle(self.now, Input::Native(request)),
-            Act::ToLine(ToLine::PathAlive) => self.core.handle(self.now, Input::PathAlive(Owner::Mqtt)),
-            Act::ToLine(ToLine::PathOpened) => self.core.handle(self.now, Input::PathOpened(Owner::Mqtt)),
+            Act::ToLine(ToLine::Command(_, command)) => {
+                self.core.handle(self.now, Input::Command(command))
+            }
+            Act::ToLine(ToLine::Read(_, request)) => {
+                self.core.handle(self.now, Input::Native(request))
+            }
+            Act::ToLine(ToLine::PathAlive) => {
+                self.core.handle(self.now, Input::PathAlive(Owner::Mqtt))
+            }
+            Act::ToLine(ToLine::PathOpened) => {
+                self.core.handle(self.now, Input::PathOpened(Owner::Mqtt))
+            }
             Act::Subscribe(_) | Act::Publish(_) | Act::Reconnect(_) => {}
             Act::Keep(..) | Act::EventTaken(_) | Act::WantEvents { .. } => {}
         }
@@ -344,7 +465,10 @@ impl World {
 
     /// The line reports on a command.
     pub fn mqtt_hears(&mut self, answer: &CommandAnswer) {
-        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
+        let (now, Some(side)) = (
+            self.now,
+            self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT),
+        ) else {
             return;
         };
         side.session.command_answer(moment(now, side.ahead), answer);
@@ -354,7 +478,10 @@ impl World {
 
     /// The line answers a read.
     pub fn mqtt_reads(&mut self, answer: &NativeAnswer) {
-        let (now, Some(side)) = (self.now, self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT)) else {
+        let (now, Some(side)) = (
+            self.now,
+            self.mqtt.as_mut().filter(|_| answer.asker == AskerId::MQTT),
+        ) else {
             return;
         };
         side.session.native_answer(moment(now, side.ahead), answer);
@@ -363,8 +490,11 @@ impl World {
 
     /// A drive has tripped, or its trip was cleared.
     pub fn mqtt_trip(&mut self, drive: DriveIndex, event: &TripEvent) {
-        let (now, Some(side)) = (self.now, self.mqtt.as_mut()) else { return };
-        side.session.trip(moment(now, side.ahead), DriveRef { line: 0, drive }, event);
+        let (now, Some(side)) = (self.now, self.mqtt.as_mut()) else {
+            return;
+        };
+        side.session
+            .trip(moment(now, side.ahead), DriveRef { line: 0, drive }, event);
         side.wake_at = now;
     }
 }

@@ -30,22 +30,37 @@ impl Others {
     pub fn new(seed: u64, from: MonoTime) -> Self {
         let mut rng = Rng::with_seed(seed);
         let every = Duration::from_millis(rng.u64(1_000..12_000));
-        Self { rng, at: from, every, refuses: None }
+        Self {
+            rng,
+            at: from,
+            every,
+            refuses: None,
+        }
     }
 }
 
 impl World {
     /// Other parties do what is due.
     pub fn others_act(&mut self) {
-        let Some(mut others) = self.others.take() else { return };
+        let Some(mut others) = self.others.take() else {
+            return;
+        };
         if let Some((_, place)) = others.refuses.take_if(|(until, _)| *until <= self.now) {
             self.refuse_stops(place, RefusedStops::None);
         }
         if others.at <= self.now {
-            others.at = self.now + Duration::from_nanos(others.rng.u64(1..=2 * others.every.as_nanos() as u64));
+            others.at = self.now
+                + Duration::from_nanos(others.rng.u64(1..=2 * others.every.as_nanos() as u64));
             let place = others.rng.usize(0..self.plan.line.drives.len());
-            if self.plan.extras.has(Extra::RefusedStops) && others.refuses.is_none() && others.rng.u8(0..6) == 0 {
-                let which = if others.rng.bool() { RefusedStops::Single } else { RefusedStops::All };
+            if self.plan.extras.has(Extra::RefusedStops)
+                && others.refuses.is_none()
+                && others.rng.u8(0..6) == 0
+            {
+                let which = if others.rng.bool() {
+                    RefusedStops::Single
+                } else {
+                    RefusedStops::All
+                };
                 self.refuse_stops(place, which);
                 let lasts = Duration::from_millis(others.rng.u64(500..30_000));
                 others.refuses = Some((self.now + lasts, place));
@@ -59,8 +74,12 @@ impl World {
 
     /// When other parties act next.
     pub fn others_due(&self) -> MonoTime {
-        let Some(others) = &self.others else { return MonoTime::NEVER };
-        others.refuses.map_or(others.at, |(until, _)| until.min(others.at))
+        let Some(others) = &self.others else {
+            return MonoTime::NEVER;
+        };
+        others
+            .refuses
+            .map_or(others.at, |(until, _)| until.min(others.at))
     }
 
     /// All drives stop when they are ordered to.
@@ -71,7 +90,11 @@ impl World {
     }
 
     fn refuse_stops(&mut self, place: usize, which: RefusedStops) {
-        self.checker.note(self.now.as_nanos(), place, &format!("stops refused: {which:?}"));
+        self.checker.note(
+            self.now.as_nanos(),
+            place,
+            &format!("stops refused: {which:?}"),
+        );
         if let Some(drive) = self.bus.drive_mut(self.station(place)) {
             drive.refuse_stops(which);
         }
@@ -82,10 +105,20 @@ impl World {
         let now = self.now;
         let station = self.station(place);
         let facts = self.plan.line.drives[place].kind.facts();
-        let runs = if rng.u8(0..3) == 0 { Direction::Reverse } else { Direction::Forward };
+        let runs = if rng.u8(0..3) == 0 {
+            Direction::Reverse
+        } else {
+            Direction::Forward
+        };
         let dice = rng.u8(0..20);
         let hertz = rng.u16(3..60);
-        let Some(drive) = self.bus.drive_mut(station).filter(|drive| drive.is_powered()) else { return };
+        let Some(drive) = self
+            .bus
+            .drive_mut(station)
+            .filter(|drive| drive.is_powered())
+        else {
+            return;
+        };
         let text = match dice {
             0..6 => {
                 if dice < 3 {
@@ -136,7 +169,9 @@ impl World {
     /// The observer reads the motor of the drive at `place`, at the drive and not over the line.
     pub fn look_at_motor(&mut self, place: usize, at: MonoTime) {
         let facts = self.plan.line.drives[place].kind.facts();
-        let Some(drive) = self.bus.drive(self.station(place)) else { return };
+        let Some(drive) = self.bus.drive(self.station(place)) else {
+            return;
+        };
         let state = State {
             is_on: drive.is_powered(),
             is_ordered: drive.ordered().is_some(),

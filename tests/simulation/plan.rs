@@ -63,12 +63,26 @@ impl Plan {
     /// The plan of `rng`'s seed.
     pub fn draw(rng: &mut Rng) -> Self {
         let baud = [9_600, 9_600, 19_200, 38_400][rng.usize(0..4)];
-        let parity = if rng.u8(0..4) == 0 { Parity::Even } else { Parity::None };
-        let link = LinkSettings { baud, parity, ..LinkSettings::DEFAULT };
+        let parity = if rng.u8(0..4) == 0 {
+            Parity::Even
+        } else {
+            Parity::None
+        };
+        let link = LinkSettings {
+            baud,
+            parity,
+            ..LinkSettings::DEFAULT
+        };
         let count = rng.usize(1..=4);
         let same = rng.bool().then(|| Kind::ALL[rng.usize(0..3)]);
-        let drives = (0..count).map(|place| draw_drive(rng, place, same)).collect();
-        let line = Line { baud: baud.into(), char_bits: link.bits_per_char().into(), drives };
+        let drives = (0..count)
+            .map(|place| draw_drive(rng, place, same))
+            .collect();
+        let line = Line {
+            baud: baud.into(),
+            char_bits: link.bits_per_char().into(),
+            drives,
+        };
         Self {
             line,
             link,
@@ -86,7 +100,11 @@ impl Plan {
     /// The bus with its drives, before anything goes wrong.
     pub fn bus(&self, rng: &mut Rng) -> SimBus {
         let turnaround = Duration::from_micros(rng.u64(500..8_000));
-        let options = BusOptions { turnaround, delivery: Delivery::Replies, ..BusOptions::default() };
+        let options = BusOptions {
+            turnaround,
+            delivery: Delivery::Replies,
+            ..BusOptions::default()
+        };
         let mut bus = SimBus::new(self.link, options, rng.u64(..));
         for drive in &self.line.drives {
             let ramp = Duration::from_millis(rng.u64(500..8_000));
@@ -96,7 +114,10 @@ impl Plan {
                 proof_words: Some(PROOF..=PROOF + 0xFF),
                 ..DriveOptions::default()
             };
-            bus.connect(Station(drive.station), SimDrive::new(model_of(drive.kind), options));
+            bus.connect(
+                Station(drive.station),
+                SimDrive::new(model_of(drive.kind), options),
+            );
         }
         bus
     }
@@ -121,18 +142,39 @@ impl Plan {
 
     /// The drives as the north sides know them.
     pub fn descriptions(&self) -> Vec<DriveDescription> {
-        (0..).zip(&self.line.drives).map(|(place, drive)| description_of(place, drive)).collect()
+        (0..)
+            .zip(&self.line.drives)
+            .map(|(place, drive)| description_of(place, drive))
+            .collect()
     }
 }
 
 fn draw_faults(rng: &mut Rng) -> FaultPlan {
     let roughness = [0, 2, 10, 40][rng.usize(0..4)];
     let mut chance = || rng.u16(0..=roughness);
-    let (noise, lost, late, cut, flip, foreign, hole) =
-        (chance(), chance(), chance(), chance(), chance(), chance(), chance());
+    let (noise, lost, late, cut, flip, foreign, hole) = (
+        chance(),
+        chance(),
+        chance(),
+        chance(),
+        chance(),
+        chance(),
+        chance(),
+    );
     // The draws that follow stay what they are.
     let burst = rng.clone().u16(0..=roughness);
-    FaultPlan { noise, lost, late, cut, flip, foreign, hole, burst, max_lateness: LATENESS, ..FaultPlan::NONE }
+    FaultPlan {
+        noise,
+        lost,
+        late,
+        cut,
+        flip,
+        foreign,
+        hole,
+        burst,
+        max_lateness: LATENESS,
+        ..FaultPlan::NONE
+    }
 }
 
 fn draw_drive(rng: &mut Rng, place: usize, same: Option<Kind>) -> Drive {
@@ -176,7 +218,10 @@ fn setup_of(drive: &Drive) -> DriveSetup {
 
 fn description_of(place: u16, drive: &Drive) -> DriveDescription {
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(place) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(place),
+        },
         name: Name::new(&format!("d{place}")).expect("a name"),
         line: Name::new("line").expect("a name"),
         model: model_of(drive.kind),
@@ -205,8 +250,14 @@ fn control_of(drive: &Drive) -> Option<ControlSettings> {
         accept_unverified: ControlAction::ALL.to_vec(),
         native_write: vec![drive.kind.facts().listed],
         ..ControlSettings::new(
-            (Hertz::from_centihertz(drive.least), Hertz::from_centihertz(drive.most)),
-            (action(drive.on_lost), Duration::from_nanos(drive.lost_after)),
+            (
+                Hertz::from_centihertz(drive.least),
+                Hertz::from_centihertz(drive.most),
+            ),
+            (
+                action(drive.on_lost),
+                Duration::from_nanos(drive.lost_after),
+            ),
             action(drive.on_shutdown),
         )
     })

@@ -13,7 +13,9 @@ use vfd_gateway::domain::standby::LineRole;
 use vfd_gateway::drive::description::DriveDescription;
 use vfd_gateway::drive::view::DriveView;
 use vfd_gateway::gateway::Input;
-use vfd_gateway::north::modbus::{Answer, Ask, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own};
+use vfd_gateway::north::modbus::{
+    Answer, Ask, Call, Ended, Ordered, Present, Taken, Uniform, Words, native, own,
+};
 
 /// A command is sent within this time or never.
 const COMMAND_DEADLINE: Duration = Duration::from_secs(1);
@@ -48,7 +50,13 @@ impl own::Gateway for Shown<'_> {
 }
 
 /// Whether a client's request to `unit` is a stop.
-fn is_stop(drives: &[DriveDescription], uniform: &[Uniform], views: &[Arc<DriveView>], unit: u8, ask: &Ask) -> bool {
+fn is_stop(
+    drives: &[DriveDescription],
+    uniform: &[Uniform],
+    views: &[Arc<DriveView>],
+    unit: u8,
+    ask: &Ask,
+) -> bool {
     let place = drives.iter().position(|it| it.unit.get() == unit);
     let picture = drives.iter().position(|it| it.uniform_unit.get() == unit);
     match (place, picture) {
@@ -61,7 +69,10 @@ fn is_stop(drives: &[DriveDescription], uniform: &[Uniform], views: &[Arc<DriveV
 impl World {
     /// A client sends `bytes`, whose requests are passed on.
     pub fn client_sends(&mut self, who: usize, bytes: &[u8]) {
-        if self.clients[who].stalled_until.is_some_and(|until| until > self.now) {
+        if self.clients[who]
+            .stalled_until
+            .is_some_and(|until| until > self.now)
+        {
             return self.clients[who].waiting.extend_from_slice(bytes);
         }
         self.tally.client_events += 1;
@@ -79,22 +90,44 @@ impl World {
     }
 
     fn serve(&mut self, who: usize, call: Call) {
-        let is_stop = || is_stop(&self.descriptions, &self.uniform, &self.views, call.unit, &call.ask);
+        let is_stop = || {
+            is_stop(
+                &self.descriptions,
+                &self.uniform,
+                &self.views,
+                call.unit,
+                &call.ask,
+            )
+        };
         if self.has_waited && call.ask.writes() && !is_stop() {
-            return self.clients[who].machine.answer(self.now, call.ticket, Answer::Exception(6));
+            return self.clients[who]
+                .machine
+                .answer(self.now, call.ticket, Answer::Exception(6));
         }
-        let native_place = self.descriptions.iter().position(|it| it.unit.get() == call.unit);
+        let native_place = self
+            .descriptions
+            .iter()
+            .position(|it| it.unit.get() == call.unit);
         if let Some(place) = native_place {
             return self.ask_drive(who, place, call);
         }
         self.look_at_views();
-        let place = self.descriptions.iter().position(|it| it.uniform_unit.get() == call.unit);
+        let place = self
+            .descriptions
+            .iter()
+            .position(|it| it.uniform_unit.get() == call.unit);
         let mut words = Words::default();
         let present = self.present(who);
         let taken = match place {
-            Some(place) => self.uniform[place].take(&call.ask, &self.views[place], &present, &mut words),
+            Some(place) => {
+                self.uniform[place].take(&call.ask, &self.views[place], &present, &mut words)
+            }
             None if call.unit == own::UNIT || call.unit == own::BROADCAST => {
-                let shown = Shown { report: self.core.report(), uniform: &self.uniform, views: &self.views };
+                let shown = Shown {
+                    report: self.core.report(),
+                    uniform: &self.uniform,
+                    views: &self.views,
+                };
                 own::take(call.unit, &call.ask, &shown, &present, &mut words)
             }
             None => Taken::Exception(0x0A),
@@ -104,34 +137,59 @@ impl World {
 
     fn ask_drive(&mut self, who: usize, place: usize, call: Call) {
         let client = &mut self.clients[who];
-        let Call { ticket, ask, deadline, .. } = call;
+        let Call {
+            ticket,
+            ask,
+            deadline,
+            ..
+        } = call;
         match native::ask_of(&self.descriptions[place].model, ask) {
             Ok(ask) => {
                 let drive = DriveIndex(place as u16);
-                let request =
-                    NativeRequest { asker: client.asker, ticket, drive, origin: client.origin, ask, deadline };
+                let request = NativeRequest {
+                    asker: client.asker,
+                    ticket,
+                    drive,
+                    origin: client.origin,
+                    ask,
+                    deadline,
+                };
                 self.core.handle(self.now, Input::Native(request));
             }
-            Err(code) => client.machine.answer(self.now, ticket, Answer::Exception(code)),
+            Err(code) => client
+                .machine
+                .answer(self.now, ticket, Answer::Exception(code)),
         }
     }
 
-    fn settle(&mut self, who: usize, call: &Call, taken: Taken, words: &Words, place: Option<usize>) {
+    fn settle(
+        &mut self,
+        who: usize,
+        call: &Call,
+        taken: Taken,
+        words: &Words,
+        place: Option<usize>,
+    ) {
         let machine = &mut self.clients[who].machine;
         let now = self.now;
-        match (taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)), place) {
+        match (
+            taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)),
+            place,
+        ) {
             (Ok(()), _) => {}
             (Err(Ordered::One(order)), Some(place)) => {
                 self.expect(who, call, vec![call.ticket]);
                 self.give(who, call.ticket, place, order);
             }
             (Err(_), _) => {
-                let controlled: Vec<usize> =
-                    (0..self.uniform.len()).filter(|place| self.uniform[*place].has_control()).collect();
+                let controlled: Vec<usize> = (0..self.uniform.len())
+                    .filter(|place| self.uniform[*place].has_control())
+                    .collect();
                 if controlled.is_empty() {
                     return machine.answer(now, call.ticket, Answer::Exception(1));
                 }
-                let tickets: Vec<Ticket> = controlled.iter().map(|_| machine.fresh_ticket()).collect();
+                let tickets: Vec<Ticket> =
+                    controlled.iter().map(|_| machine.fresh_ticket()).collect();
                 self.expect(who, call, tickets.clone());
                 for (place, ticket) in controlled.into_iter().zip(tickets) {
                     self.give(who, ticket, place, Order::Stop { setpoint: None });
@@ -157,24 +215,49 @@ impl World {
     }
 
     fn expect(&mut self, who: usize, call: &Call, tickets: Vec<Ticket>) {
-        self.clients[who].commands.expect(self.now, call.ticket, call.deadline, tickets, None, None);
+        self.clients[who].commands.expect(
+            self.now,
+            call.ticket,
+            call.deadline,
+            tickets,
+            None,
+            None,
+        );
     }
 
     fn present(&self, who: usize) -> Present {
-        Present { now: self.now, uptime_s: 0, owner: self.clients[who].origin.owner, standby: None }
+        Present {
+            now: self.now,
+            uptime_s: 0,
+            owner: self.clients[who].origin.owner,
+            standby: None,
+        }
     }
 
     /// The line answers a native request.
     pub fn hear_native(&mut self, answer: &NativeAnswer) {
-        let Some(who) = self.client_of(answer.asker) else { return };
-        self.clients[who].machine.answer(self.now, answer.ticket, native::answer_of(&answer.outcome));
+        let Some(who) = self.client_of(answer.asker) else {
+            return;
+        };
+        self.clients[who].machine.answer(
+            self.now,
+            answer.ticket,
+            native::answer_of(&answer.outcome),
+        );
         self.flush(who);
     }
 
     /// The line reports on a command.
     pub fn hear_command(&mut self, answer: &CommandAnswer) {
-        let Some(who) = self.client_of(answer.asker) else { return };
-        let Some(Ended { call, exception, .. }) = self.clients[who].commands.take(answer) else { return };
+        let Some(who) = self.client_of(answer.asker) else {
+            return;
+        };
+        let Some(Ended {
+            call, exception, ..
+        }) = self.clients[who].commands.take(answer)
+        else {
+            return;
+        };
         let answer = exception.map_or(Answer::Written, Answer::Exception);
         self.clients[who].machine.answer(self.now, call, answer);
         self.flush(who);
@@ -189,20 +272,26 @@ impl World {
         let machine = &mut self.clients[who].machine;
         let bytes = machine.output().len();
         if bytes > 0 {
-            self.checker.client_got(self.now.as_nanos(), who, machine.output());
+            self.checker
+                .client_got(self.now.as_nanos(), who, machine.output());
             machine.wrote(bytes);
         }
         if machine.close_reason().is_some() {
             self.reconnect(who, true);
         }
-        self.north_wake = self.clients.iter().filter_map(|client| client.machine.next_wake()).min();
+        self.north_wake = self
+            .clients
+            .iter()
+            .filter_map(|client| client.machine.next_wake())
+            .min();
     }
 
     /// A client's connection ends and another takes its place.
     pub fn reconnect(&mut self, who: usize, by_gateway: bool) {
         let now = self.now.as_nanos();
         self.checker.client_closed(now, who, by_gateway);
-        self.core.handle(self.now, Input::AskerGone(self.clients[who].asker));
+        self.core
+            .handle(self.now, Input::AskerGone(self.clients[who].asker));
         self.askers += 1;
         let stalled_until = self.clients[who].stalled_until;
         self.clients[who] = Client::new(who, self.askers, self.now);

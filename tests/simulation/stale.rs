@@ -35,7 +35,10 @@ pub fn stale(seed: u64, count: u64) -> Result<(u64, u64), String> {
             pass(&mut world, Duration::from_secs(1));
             continue;
         }
-        let words = (500 + (valid * 2 % 4_400) as u16, 501 + (valid * 2 % 4_400) as u16);
+        let words = (
+            500 + (valid * 2 % 4_400) as u16,
+            501 + (valid * 2 % 4_400) as u16,
+        );
         let before = world.checker.wire.count();
         let id = valid + 1;
         let command = json(&rng, &world, id, words.0);
@@ -44,16 +47,30 @@ pub fn stale(seed: u64, count: u64) -> Result<(u64, u64), String> {
             if number == place {
                 world.deliver("command", &command, false, false);
             }
-            spoil(&mut world, &mut rng, words.1, (number >= place).then_some(&command), &old);
+            spoil(
+                &mut world,
+                &mut rng,
+                words.1,
+                (number >= place).then_some(&command),
+                &old,
+            );
             bad += 1;
         }
         pass(&mut world, Duration::from_millis(400));
         let facts = kind.facts();
         let sent = world.checker.wire.count() - before;
-        let writes = (0..sent as usize).filter_map(|back| world.checker.wire.back(back)).filter(|it| it.function == 6);
-        let setpoints: Vec<u16> = writes.filter(|it| it.address == facts.setpoint).map(|it| it.values[0]).collect();
+        let writes = (0..sent as usize)
+            .filter_map(|back| world.checker.wire.back(back))
+            .filter(|it| it.function == 6);
+        let setpoints: Vec<u16> = writes
+            .filter(|it| it.address == facts.setpoint)
+            .map(|it| it.values[0])
+            .collect();
         if setpoints != [words.0] {
-            return Err(format!("seed {seed}: {setpoints:?} were written instead of {} alone", words.0));
+            return Err(format!(
+                "seed {seed}: {setpoints:?} were written instead of {} alone",
+                words.0
+            ));
         }
         valid += 1;
         old.push(command);
@@ -74,7 +91,10 @@ fn json(rng: &Rng, world: &World, id: u64, word: u16) -> String {
         1 => ",\"ttl_ms\":900".to_owned(),
         _ => String::new(),
     };
-    format!("{{\"id\":\"o{id}\",\"frequency_hz\":{}{issued}}}", hertz(word))
+    format!(
+        "{{\"id\":\"o{id}\",\"frequency_hz\":{}{issued}}}",
+        hertz(word)
+    )
 }
 
 fn hertz(word: u16) -> String {
@@ -92,13 +112,25 @@ fn spoil(world: &mut World, rng: &mut Rng, word: u16, valid: Option<&String>, ol
         (2, _) => world.deliver("frequency/set", &frequency, false, true),
         (3, Some(valid)) => world.deliver("command", valid, false, true),
         (4, Some(valid)) => world.deliver("command", valid, false, false),
-        (5, Some(_)) if !old.is_empty() => world.deliver("command", &old[rng.usize(0..old.len())], rng.bool(), false),
+        (5, Some(_)) if !old.is_empty() => {
+            world.deliver("command", &old[rng.usize(0..old.len())], rng.bool(), false)
+        }
         (6, _) => {
             let issued = world.wall() - rng.i64(1_001..100_000_000);
-            world.deliver("command", &fresh(format!(",\"issued_at\":{issued}")), false, false);
+            world.deliver(
+                "command",
+                &fresh(format!(",\"issued_at\":{issued}")),
+                false,
+                false,
+            );
         }
         (7, _) => world.deliver("run/set", "forward", true, false),
-        _ => world.deliver("command", &fresh(format!(",\"epoch\":{}", rng.u64(1..1_000) << 50)), false, false),
+        _ => world.deliver(
+            "command",
+            &fresh(format!(",\"epoch\":{}", rng.u64(1..1_000) << 50)),
+            false,
+            false,
+        ),
     }
 }
 

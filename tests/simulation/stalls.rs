@@ -29,7 +29,13 @@ pub struct Stalls {
 
 impl Stalls {
     pub fn new(seed: u64, extras: Extras, from: MonoTime) -> Self {
-        let first = |extra, at| if extras.has(extra) { at } else { MonoTime::NEVER };
+        let first = |extra, at| {
+            if extras.has(extra) {
+                at
+            } else {
+                MonoTime::NEVER
+            }
+        };
         Self {
             rng: Rng::with_seed(seed),
             client_at: first(Extra::ClientStalls, from + CLIENT_EVERY),
@@ -43,7 +49,11 @@ impl Stalls {
     }
 
     fn stall(&mut self) -> Duration {
-        Duration::from_millis(if self.rng.bool() { self.rng.u64(300..4_000) } else { self.rng.u64(300..15_000) })
+        Duration::from_millis(if self.rng.bool() {
+            self.rng.u64(300..4_000)
+        } else {
+            self.rng.u64(300..15_000)
+        })
     }
 }
 
@@ -52,7 +62,9 @@ impl MqttSide {
     fn stall(&mut self, inward: MonoTime, outward: MonoTime) {
         self.held = (self.held.0.max(inward), self.held.1.max(outward));
         let held = self.held.0;
-        self.coming.iter_mut().for_each(|(at, _)| *at = held.max(*at));
+        self.coming
+            .iter_mut()
+            .for_each(|(at, _)| *at = held.max(*at));
     }
 
     /// No further stall begins.
@@ -65,7 +77,9 @@ impl MqttSide {
 impl World {
     /// When a stall begins or ends.
     pub fn stalls_due(&self) -> MonoTime {
-        let Some(stalls) = &self.stalls else { return MonoTime::NEVER };
+        let Some(stalls) = &self.stalls else {
+            return MonoTime::NEVER;
+        };
         let over = stalls.until.first().map_or(MonoTime::NEVER, |(at, _)| *at);
         stalls.client_at.min(stalls.process_at).min(over)
     }
@@ -73,16 +87,21 @@ impl World {
     /// Stalls that are due begin or end.
     pub fn stalls_act(&mut self) {
         let now = self.now;
-        let Some(stalls) = &mut self.stalls else { return };
+        let Some(stalls) = &mut self.stalls else {
+            return;
+        };
         if stalls.client_at <= now {
             stalls.client_at = now + stalls.about(CLIENT_EVERY);
             let who = stalls.rng.usize(0..self.plan.clients);
             let lasts = stalls.stall();
             self.tally.client_stalls += 1;
-            self.checker.note(now.as_nanos(), who, "the client's connection stalls");
+            self.checker
+                .note(now.as_nanos(), who, "the client's connection stalls");
             self.client_stalls(who, now + lasts);
         }
-        let Some(stalls) = &mut self.stalls else { return };
+        let Some(stalls) = &mut self.stalls else {
+            return;
+        };
         if stalls.process_at <= now {
             stalls.process_at = now + stalls.about(PROCESS_EVERY);
             let lasts = stalls.stall().min(Duration::from_secs(8));
@@ -94,15 +113,22 @@ impl World {
 
     /// All stalls end.
     pub fn stalls_end(&mut self) {
-        self.stalls.iter_mut().flat_map(|stalls| &mut stalls.until).for_each(|(at, _)| *at = self.now);
+        self.stalls
+            .iter_mut()
+            .flat_map(|stalls| &mut stalls.until)
+            .for_each(|(at, _)| *at = self.now);
         self.clients_go_on(false);
         self.stalls = None;
         self.mqtt.iter_mut().for_each(MqttSide::stall_ends);
     }
 
     fn client_stalls(&mut self, who: usize, until: MonoTime) {
-        let Some(stalls) = &mut self.stalls else { return };
-        let until = self.clients[who].stalled_until.map_or(until, |before| before.max(until));
+        let Some(stalls) = &mut self.stalls else {
+            return;
+        };
+        let until = self.clients[who]
+            .stalled_until
+            .map_or(until, |before| before.max(until));
         self.clients[who].stalled_until = Some(until);
         stalls.until.retain(|(_, it)| *it != who);
         stalls.until.push((until, who));
@@ -134,14 +160,26 @@ impl World {
         let mut heard = Vec::new();
         loop {
             let due = self.bus.next_due().unwrap_or(MonoTime::NEVER);
-            let repair = self.repairs.iter().find(|it| it.1 != Trouble::PortDown).map_or(MonoTime::NEVER, |it| it.0);
-            let message = self.mqtt.as_ref().map_or(MonoTime::NEVER, |side| side.message_at);
-            let next = due.min(repair).min(message).min(self.client_at).min(self.others_due());
+            let repair = self
+                .repairs
+                .iter()
+                .find(|it| it.1 != Trouble::PortDown)
+                .map_or(MonoTime::NEVER, |it| it.0);
+            let message = self
+                .mqtt
+                .as_ref()
+                .map_or(MonoTime::NEVER, |side| side.message_at);
+            let next = due
+                .min(repair)
+                .min(message)
+                .min(self.client_at)
+                .min(self.others_due());
             if next > until {
                 break;
             }
             self.now = self.now.max(next);
-            self.bus.take_due(self.now, |_, bytes| heard.extend_from_slice(bytes));
+            self.bus
+                .take_due(self.now, |_, bytes| heard.extend_from_slice(bytes));
             self.act_meanwhile();
         }
         self.now = until;
@@ -159,7 +197,11 @@ impl World {
 
     /// The actions of other parties while the process is suspended.
     fn act_meanwhile(&mut self) {
-        if let Some(place) = self.repairs.iter().position(|it| it.1 != Trouble::PortDown && it.0 <= self.now) {
+        if let Some(place) = self
+            .repairs
+            .iter()
+            .position(|it| it.1 != Trouble::PortDown && it.0 <= self.now)
+        {
             let (_, trouble, which) = self.repairs.remove(place);
             self.repair(trouble, which);
         }
@@ -173,9 +215,12 @@ impl World {
 
     /// The gateway was suspended for `stood`, and knows it.
     fn mqtt_stood_still(&mut self, stood: Duration) {
-        let (now, Some(side)) = (self.now, &mut self.mqtt) else { return };
+        let (now, Some(side)) = (self.now, &mut self.mqtt) else {
+            return;
+        };
         if side.is_connected {
-            side.session.handle(moment(now, side.ahead), Event::Stalled(stood));
+            side.session
+                .handle(moment(now, side.ahead), Event::Stalled(stood));
         }
         side.wake_at = now;
     }
@@ -187,9 +232,16 @@ impl World {
             let most = if self.rng.bool() { 3_500 } else { 15_000 };
             let until = self.now + Duration::from_millis(self.rng.u64(300..most));
             let which = self.rng.u8(0..4);
-            side.stall(if which == 1 { self.now } else { until }, if which == 2 { self.now } else { until });
+            side.stall(
+                if which == 1 { self.now } else { until },
+                if which == 2 { self.now } else { until },
+            );
             self.tally.broker_stalls += 1;
-            self.checker.note(self.now.as_nanos(), which.into(), "the way to the broker stalls");
+            self.checker.note(
+                self.now.as_nanos(),
+                which.into(),
+                "the way to the broker stalls",
+            );
         }
         if side.clock_at <= self.now {
             side.clock_at = self.now + self.about(Duration::from_secs(30));
@@ -202,7 +254,10 @@ impl World {
             side.ahead = jump();
             side.commanders_ahead = jump();
             self.tally.clock_steps += 1;
-            let text = format!("clocks: the gateway's {} ms, commanders' {} ms", side.ahead, side.commanders_ahead);
+            let text = format!(
+                "clocks: the gateway's {} ms, commanders' {} ms",
+                side.ahead, side.commanders_ahead
+            );
             self.checker.note(self.now.as_nanos(), 0, &text);
         }
     }

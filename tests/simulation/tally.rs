@@ -62,7 +62,10 @@ impl Tally {
         ] {
             *to += from;
         }
-        self.troubles.iter_mut().zip(other.troubles).for_each(|(to, from)| *to += from);
+        self.troubles
+            .iter_mut()
+            .zip(other.troubles)
+            .for_each(|(to, from)| *to += from);
         self.shortest_excess = self.shortest_excess.min(other.shortest_excess);
     }
 }

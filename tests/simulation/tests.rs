@@ -11,18 +11,48 @@ use crate::simulation::{WORLD, audit, bursts, holders, kills, run, stale, trials
 
 /// Seeds whose worlds once showed a violation, of the gateway or in the checker, with what was found.
 const FOUND: [(u64, &str); 12] = [
-    (3, "an adapter's hole let a later reply come before an earlier one"),
-    (26, "a drive that is left running by hold is not stopped at the end"),
+    (
+        3,
+        "an adapter's hole let a later reply come before an earlier one",
+    ),
+    (
+        26,
+        "a drive that is left running by hold is not stopped at the end",
+    ),
     (40, "a node that babbles holds a declared action up"),
-    (139, "a late echo that overtook our own frame shortened the silence behind it"),
-    (1843, "two stops in doubt went by turns for ever, and neither drive was looked at"),
-    (7454, "a second copy of a reply, held back by an adapter, overtook our frame and was taken for its answer"),
-    (11_267, "a RUN that expired behind one that held made a stop change nothing"),
+    (
+        139,
+        "a late echo that overtook our own frame shortened the silence behind it",
+    ),
+    (
+        1843,
+        "two stops in doubt went by turns for ever, and neither drive was looked at",
+    ),
+    (
+        7454,
+        "a second copy of a reply, held back by an adapter, overtook our frame and was taken for its answer",
+    ),
+    (
+        11_267,
+        "a RUN that expired behind one that held made a stop change nothing",
+    ),
     (141, "a stop in front of what is no Modbus TCP was lost"),
-    (300_200, "a wait that was ended for a stop was followed by the stop of the drive that was waited for"),
-    (300_219, "the late echo of a stop looked like that of a line that echoes, and the stop never came to its end"),
-    (300_953, "a setpoint that the drive had taken unheard gave way to the one before it, which was told as in force"),
-    (11_150, "over babble the drives were not left alone after a broadcast: their own stops ran into it"),
+    (
+        300_200,
+        "a wait that was ended for a stop was followed by the stop of the drive that was waited for",
+    ),
+    (
+        300_219,
+        "the late echo of a stop looked like that of a line that echoes, and the stop never came to its end",
+    ),
+    (
+        300_953,
+        "a setpoint that the drive had taken unheard gave way to the one before it, which was told as in force",
+    ),
+    (
+        11_150,
+        "over babble the drives were not left alone after a broadcast: their own stops ran into it",
+    ),
 ];
 
 const MS: u64 = 1_000_000;
@@ -56,11 +86,18 @@ impl Trace {
             on_lost: Action::Stop,
             on_shutdown: Action::Stop,
         };
-        let line = Line { baud: 9_600, char_bits: 10, drives: vec![drive] };
+        let line = Line {
+            baud: 9_600,
+            char_bits: 10,
+            drives: vec![drive],
+        };
         let mut checker = Checker::new(line, 1);
         checker.port(0, true);
         checker.client_opened(0, 0);
-        Self { checker, now: 100 * MS }
+        Self {
+            checker,
+            now: 100 * MS,
+        }
     }
 
     /// Time passes.
@@ -72,7 +109,11 @@ impl Trace {
 
     /// A frame is sent; the drive replies with `truth`, if at all.
     fn sends(mut self, body: &[u8], truth: &[u8]) -> Self {
-        let truth = if truth.is_empty() { Vec::new() } else { sealed(truth) };
+        let truth = if truth.is_empty() {
+            Vec::new()
+        } else {
+            sealed(truth)
+        };
         self.checker.request(self.now, &sealed(body), &truth);
         self
     }
@@ -123,13 +164,21 @@ impl Trace {
     fn late(mut self, input: &str, payload: &str, millis: u64) -> Self {
         let issued = self.now - millis * MS;
         let topic = format!("vfd/plant/drive/d0/{input}");
-        let inbound = Inbound { topic: &topic, payload, retain: false, duplicate: false, wall_ms: 0, issued };
+        let inbound = Inbound {
+            topic: &topic,
+            payload,
+            retain: false,
+            duplicate: false,
+            wall_ms: 0,
+            issued,
+        };
         self.checker.message(self.now, inbound);
         self
     }
 
     fn publishes(mut self, topic: &str, payload: &str) -> Self {
-        self.checker.published(self.now, &format!("vfd/plant/drive/d0/{topic}"), payload);
+        self.checker
+            .published(self.now, &format!("vfd/plant/drive/d0/{topic}"), payload);
         self
     }
 
@@ -137,18 +186,30 @@ impl Trace {
     fn runs(self) -> Self {
         let setpoint = [2, 6, 0, 4, 0x0B, 0xB8];
         let run = [2, 6, 0, 2, 0, 1];
-        let trace = self.asks(1, 101, &RUN).exchange(&setpoint, &setpoint).exchange(&run, &run);
+        let trace = self
+            .asks(1, 101, &RUN)
+            .exchange(&setpoint, &setpoint)
+            .exchange(&run, &run);
         trace.told(1, 101, &[16, 1, 0, 0, 2])
     }
 
     #[track_caller]
     fn holds(self) {
-        assert!(self.checker.violation().is_none(), "{:?}", self.checker.violation());
+        assert!(
+            self.checker.violation().is_none(),
+            "{:?}",
+            self.checker.violation()
+        );
     }
 
     #[track_caller]
     fn violates(self, rule: &str) {
-        assert_eq!(self.checker.violation().map(|it| it.rule), Some(rule), "{:?}", self.checker.violation());
+        assert_eq!(
+            self.checker.violation().map(|it| it.rule),
+            Some(rule),
+            "{:?}",
+            self.checker.violation()
+        );
     }
 }
 
@@ -164,46 +225,94 @@ const AT_REST: [u8; 5] = [2, 3, 2, 0, 0];
 #[test]
 fn a_trace_without_a_fault_is_right() {
     Trace::new().exchange(&READ, &REPLY).holds();
-    Trace::new().runs().asks(2, 101, &STOP).exchange(&STOP_FRAME, &STOP_FRAME).told(2, 101, &STOP).holds();
+    Trace::new()
+        .runs()
+        .asks(2, 101, &STOP)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .told(2, 101, &STOP)
+        .holds();
 }
 
 #[test]
 fn o1_a_write_belongs_to_one_order_in_time() {
     Trace::new().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
-    Trace::new().asks(1, 101, &RUN).pass(1_001).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
-    Trace::new().runs().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
-    Trace::new().asks(1, 101, &RUN).sends(&[2, 6, 0, 2, 0, 2], &[]).violates("O1");
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .pass(1_001)
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O1");
+    Trace::new()
+        .runs()
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O1");
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .sends(&[2, 6, 0, 2, 0, 2], &[])
+        .violates("O1");
     Trace::new().sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
-    Trace::new().sends(&[2, 6, 2, 0x0C, 0, 9], &[]).violates("O1");
+    Trace::new()
+        .sends(&[2, 6, 2, 0x0C, 0, 9], &[])
+        .violates("O1");
     // Its client has left, or it was refused.
-    Trace::new().asks(1, 101, &RUN).leaves().sends(&SETPOINT_FRAME, &[]).violates("O1");
-    Trace::new().asks(1, 101, &RUN).reopens().sends(&SETPOINT_FRAME, &[]).violates("O1");
-    Trace::new().message("run/set", "forward").sends(&RUN_FRAME, &RUN_FRAME).holds();
-    refused_by_message().sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .leaves()
+        .sends(&SETPOINT_FRAME, &[])
+        .violates("O1");
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .reopens()
+        .sends(&SETPOINT_FRAME, &[])
+        .violates("O1");
+    Trace::new()
+        .message("run/set", "forward")
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .holds();
+    refused_by_message()
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O1");
 }
 
 #[test]
 fn o1_a_reset_is_gone_through_in_its_order_and_ends_with_the_port() {
-    let reset = |trace: Trace| trace.asks(2, 101, &[6, 1, 0, 0, 4]).exchange(&STOP_FRAME, &STOP_FRAME);
+    let reset = |trace: Trace| {
+        trace
+            .asks(2, 101, &[6, 1, 0, 0, 4])
+            .exchange(&STOP_FRAME, &STOP_FRAME)
+    };
     let word = [2, 6, 0, 2, 0, 4];
     let begun = || reset(Trace::new()).exchange(&word, &word);
     begun().exchange(&STOP_FRAME, &STOP_FRAME).holds();
     begun().exchange(&word, &word).violates("O1");
-    reset(begun().reopens()).exchange(&word, &word).exchange(&STOP_FRAME, &STOP_FRAME).holds();
-    begun().reopens().exchange(&STOP_FRAME, &STOP_FRAME).violates("O1");
+    reset(begun().reopens())
+        .exchange(&word, &word)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .holds();
+    begun()
+        .reopens()
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .violates("O1");
 }
 
 /// A message that orders to run is refused.
 fn refused_by_message() -> Trace {
     let trace = Trace::new().message("run/set", "forward");
-    trace.publishes("result", r#"{"id":"17-1","outcome":"refused","reason":"tripped"}"#)
+    trace.publishes(
+        "result",
+        r#"{"id":"17-1","outcome":"refused","reason":"tripped"}"#,
+    )
 }
 
 /// Function 10 hex: STOP and 30 Hz. The stop changes nothing where no order to run counts.
 #[test]
 fn o2_a_setpoint_goes_beside_a_stop_that_changes_nothing() {
     let both = [16, 1, 0, 0, 2, 4, 0, 0, 0x0B, 0xB8];
-    let sets = |trace: Trace| trace.pass(1).asks(2, 101, &both).exchange(&SETPOINT_FRAME, &SETPOINT_FRAME);
+    let sets = |trace: Trace| {
+        trace
+            .pass(1)
+            .asks(2, 101, &both)
+            .exchange(&SETPOINT_FRAME, &SETPOINT_FRAME)
+    };
     sets(Trace::new()).holds();
     sets(refused_by_message()).holds();
     sets(Trace::new().asks(1, 101, &RUN).leaves()).holds();
@@ -215,9 +324,23 @@ fn o2_a_setpoint_goes_beside_a_stop_that_changes_nothing() {
 #[test]
 fn o2_a_stop_counts_as_shown_whatever_register_was_written() {
     let register = [2, 6, 2, 0x0C, 0, 9];
-    let stopped = |trace: Trace| trace.message("run/set", "stop").pass(1).exchange(&READ, &AT_REST);
-    let written = || stopped(Trace::new()).asks(1, 1, &register[1..]).pass(1).exchange(&register, &register);
-    let sets = |trace: Trace| trace.asks(2, 1, &SETPOINT_FRAME[1..]).sends(&SETPOINT_FRAME, &[]);
+    let stopped = |trace: Trace| {
+        trace
+            .message("run/set", "stop")
+            .pass(1)
+            .exchange(&READ, &AT_REST)
+    };
+    let written = || {
+        stopped(Trace::new())
+            .asks(1, 1, &register[1..])
+            .pass(1)
+            .exchange(&register, &register)
+    };
+    let sets = |trace: Trace| {
+        trace
+            .asks(2, 1, &SETPOINT_FRAME[1..])
+            .sends(&SETPOINT_FRAME, &[])
+    };
     sets(stopped(written())).holds();
     sets(written()).violates("O2");
 }
@@ -226,13 +349,23 @@ fn o2_a_stop_counts_as_shown_whatever_register_was_written() {
 #[test]
 fn o1_an_order_behind_a_stop_that_it_does_not_know_is_stale() {
     let shown = || {
-        let trace =
-            Trace::new().asks(1, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME).exchange(&READ, &AT_REST);
-        trace.publishes("state", r#"{"control":{"epoch":7,"intent":"stop"}}"#).pass(1)
+        let trace = Trace::new()
+            .asks(1, 101, &STOP)
+            .pass(1)
+            .exchange(&STOP_FRAME, &STOP_FRAME)
+            .exchange(&READ, &AT_REST);
+        trace
+            .publishes("state", r#"{"control":{"epoch":7,"intent":"stop"}}"#)
+            .pass(1)
     };
     let runs = |trace: Trace| {
-        let trace = trace.pass(1).exchange(&READ, &AT_REST).exchange(&READ, &AT_REST);
-        trace.message("command", r#"{"id":"o1","run":"forward","epoch":7}"#).sends(&RUN_FRAME, &RUN_FRAME)
+        let trace = trace
+            .pass(1)
+            .exchange(&READ, &AT_REST)
+            .exchange(&READ, &AT_REST);
+        trace
+            .message("command", r#"{"id":"o1","run":"forward","epoch":7}"#)
+            .sends(&RUN_FRAME, &RUN_FRAME)
     };
     runs(shown()).holds();
     runs(shown().asks(2, 101, &STOP)).holds();
@@ -241,22 +374,42 @@ fn o1_an_order_behind_a_stop_that_it_does_not_know_is_stale() {
 
 #[test]
 fn o2_nothing_moves_behind_a_stop() {
-    let stopped = || Trace::new().asks(1, 101, &RUN).asks(2, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME);
+    let stopped = || {
+        Trace::new()
+            .asks(1, 101, &RUN)
+            .asks(2, 101, &STOP)
+            .pass(1)
+            .exchange(&STOP_FRAME, &STOP_FRAME)
+    };
     stopped().sends(&RUN_FRAME, &RUN_FRAME).violates("O2");
-    stopped().asks(3, 101, &RUN).sends(&RUN_FRAME, &RUN_FRAME).violates("O2");
+    stopped()
+        .asks(3, 101, &RUN)
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O2");
 }
 
 #[test]
 fn o3_an_answer_is_what_the_drive_gave() {
-    let read = || Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).exchange(&READ, &REPLY);
+    let read = || {
+        Trace::new()
+            .asks(1, 1, &[3, 1, 1, 0, 1])
+            .exchange(&READ, &REPLY)
+    };
     read().told(1, 1, &[3, 2, 0x0B, 0xB8]).holds();
     read().told(1, 1, &[3, 2, 0x0B, 0xB9]).violates("O3");
     read().told(2, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
     read().told(1, 2, &[3, 2, 0x0B, 0xB8]).violates("O3");
     read().told(1, 1, &[4, 2, 0x0B, 0xB8]).violates("O3");
-    read().told(1, 1, &[3, 2, 0x0B, 0xB8]).told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    read()
+        .told(1, 1, &[3, 2, 0x0B, 0xB8])
+        .told(1, 1, &[3, 2, 0x0B, 0xB8])
+        .violates("O3");
     // Words of an exchange that was over before the question, and of one before the last.
-    Trace::new().exchange(&READ, &REPLY).asks(1, 1, &[3, 1, 1, 0, 1]).told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
+    Trace::new()
+        .exchange(&READ, &REPLY)
+        .asks(1, 1, &[3, 1, 1, 0, 1])
+        .told(1, 1, &[3, 2, 0x0B, 0xB8])
+        .violates("O3");
     let late = [2, 3, 2, 0, 7];
     let twice = read().sends(&READ, &late).hears(&REPLY);
     twice.told(1, 1, &[3, 2, 0x0B, 0xB8]).violates("O3");
@@ -266,10 +419,23 @@ fn o3_an_answer_is_what_the_drive_gave() {
 fn o4_only_the_drive_says_that_it_is_done() {
     let asked = || Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]);
     let write = [2, 6, 2, 0x0C, 0, 9];
-    asked().exchange(&write, &write).told(1, 1, &[6, 2, 0x0C, 0, 9]).holds();
-    asked().sends(&write, &[]).hears(&write).told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
-    asked().exchange(&write, &[2, 6, 2, 0x0C, 0, 5]).told(1, 1, &[6, 2, 0x0C, 0, 9]).violates("O4");
-    Trace::new().asks(1, 101, &RUN).told(1, 101, &[16, 1, 0, 0, 2]).violates("O4");
+    asked()
+        .exchange(&write, &write)
+        .told(1, 1, &[6, 2, 0x0C, 0, 9])
+        .holds();
+    asked()
+        .sends(&write, &[])
+        .hears(&write)
+        .told(1, 1, &[6, 2, 0x0C, 0, 9])
+        .violates("O4");
+    asked()
+        .exchange(&write, &[2, 6, 2, 0x0C, 0, 5])
+        .told(1, 1, &[6, 2, 0x0C, 0, 9])
+        .violates("O4");
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .told(1, 101, &[16, 1, 0, 0, 2])
+        .violates("O4");
 }
 
 #[test]
@@ -278,7 +444,11 @@ fn o5_there_is_silence_before_a_frame() {
     // 4.5 characters are 4.69 ms.
     answered().pass(5).sends(&READ, &REPLY).holds();
     answered().pass(4).sends(&READ, &REPLY).violates("O5");
-    Trace::new().hears(&[9, 3, 2, 0, 0]).pass(4).sends(&READ, &REPLY).violates("O5");
+    Trace::new()
+        .hears(&[9, 3, 2, 0, 0])
+        .pass(4)
+        .sends(&READ, &REPLY)
+        .violates("O5");
 }
 
 /// A node talks almost without a pause, with silences of at most 20 ms.
@@ -296,30 +466,55 @@ fn o5_a_stop_goes_over_anyone_who_talks_for_half_a_second() {
     let stopped = || talks(asked(), 170).sends(&STOP_FRAME, &[]);
     talks(stopped(), 170).sends(&STOP_FRAME, &[]).holds();
     // A silence in which no frame can be sent, because the first is waited for, and one in which a frame could.
-    talks(talks(stopped(), 20).pass(20), 140).sends(&STOP_FRAME, &[]).holds();
-    talks(talks(stopped(), 100).pass(20), 70).sends(&STOP_FRAME, &[]).violates("O5");
+    talks(talks(stopped(), 20).pass(20), 140)
+        .sends(&STOP_FRAME, &[])
+        .holds();
+    talks(talks(stopped(), 100).pass(20), 70)
+        .sends(&STOP_FRAME, &[])
+        .violates("O5");
     // Only a stop.
-    talks(Trace::new().runs(), 200).sends(&READ, &REPLY).violates("O5");
+    talks(Trace::new().runs(), 200)
+        .sends(&READ, &REPLY)
+        .violates("O5");
 }
 
 #[test]
 fn o6_one_exchange_is_open() {
-    Trace::new().sends(&READ, &[]).pass(250).sends(&READ, &REPLY).holds();
-    Trace::new().sends(&READ, &REPLY).pass(50).sends(&READ, &REPLY).violates("O6");
+    Trace::new()
+        .sends(&READ, &[])
+        .pass(250)
+        .sends(&READ, &REPLY)
+        .holds();
+    Trace::new()
+        .sends(&READ, &REPLY)
+        .pass(50)
+        .sends(&READ, &REPLY)
+        .violates("O6");
 }
 
 #[test]
 fn o7_every_request_ends() {
-    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(4_900).holds();
-    Trace::new().asks(1, 1, &[3, 1, 1, 0, 1]).pass(5_200).violates("O7");
+    Trace::new()
+        .asks(1, 1, &[3, 1, 1, 0, 1])
+        .pass(4_900)
+        .holds();
+    Trace::new()
+        .asks(1, 1, &[3, 1, 1, 0, 1])
+        .pass(5_200)
+        .violates("O7");
 }
 
 #[test]
 fn o8_what_is_refused_leaves_no_trace() {
     let write = [2, 6, 2, 0x0C, 0, 9];
-    let trace = Trace::new().asks(1, 1, &[6, 2, 0x0C, 0, 9]).exchange(&write, &write);
+    let trace = Trace::new()
+        .asks(1, 1, &[6, 2, 0x0C, 0, 9])
+        .exchange(&write, &write);
     trace.told(1, 1, &[0x86, 6]).violates("O8");
-    Trace::new().asks(1, 1, &[6, 9, 9, 0, 9]).told(1, 1, &[6, 9, 9, 0, 9]).violates("O8");
+    Trace::new()
+        .asks(1, 1, &[6, 9, 9, 0, 9])
+        .told(1, 1, &[6, 9, 9, 0, 9])
+        .violates("O8");
 }
 
 #[test]
@@ -327,8 +522,15 @@ fn o11_a_lost_commander_is_acted_for_in_time() {
     let running = || Trace::new().runs().exchange(&READ, &REPLY);
     running().pass(2_900).holds();
     running().pass(5_000).violates("O11");
-    running().pass(3_100).exchange(&STOP_FRAME, &STOP_FRAME).pass(5_000).holds();
-    running().pass(1_000).sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
+    running()
+        .pass(3_100)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .pass(5_000)
+        .holds();
+    running()
+        .pass(1_000)
+        .sends(&STOP_FRAME, &STOP_FRAME)
+        .violates("O1");
     let mut trace = running();
     trace.checker.ended(trace.now);
     trace.violates("O11");
@@ -337,14 +539,23 @@ fn o11_a_lost_commander_is_acted_for_in_time() {
 #[test]
 fn o13_what_is_old_is_not_served() {
     let shown = |millis| {
-        let trace = Trace::new().exchange(&READ, &REPLY).pass(millis).asks(1, 101, &[3, 0, 4, 0, 1]);
+        let trace =
+            Trace::new()
+                .exchange(&READ, &REPLY)
+                .pass(millis)
+                .asks(1, 101, &[3, 0, 4, 0, 1]);
         trace.told(1, 101, &[3, 2, 0x0B, 0xB8])
     };
     shown(1_400).holds();
     shown(1_600).violates("O13");
-    let absent = Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0xFF, 0xFF]);
+    let absent = Trace::new()
+        .asks(1, 101, &[3, 0, 4, 0, 1])
+        .told(1, 101, &[3, 2, 0xFF, 0xFF]);
     absent.holds();
-    Trace::new().asks(1, 101, &[3, 0, 4, 0, 1]).told(1, 101, &[3, 2, 0, 1]).violates("O13");
+    Trace::new()
+        .asks(1, 101, &[3, 0, 4, 0, 1])
+        .told(1, 101, &[3, 2, 0, 1])
+        .violates("O13");
 }
 
 /// The count of trips is read: none, and one.
@@ -360,8 +571,20 @@ impl Trace {
     }
 
     fn keeps_a_trip(mut self) -> Self {
-        self.checker.kept(self.now, 0, Kept::Trips { trips: 1, count: Some(1) });
-        self.sees(State { is_on: true, trips: 1, ..State::default() }).tells(1)
+        self.checker.kept(
+            self.now,
+            0,
+            Kept::Trips {
+                trips: 1,
+                count: Some(1),
+            },
+        );
+        self.sees(State {
+            is_on: true,
+            trips: 1,
+            ..State::default()
+        })
+        .tells(1)
     }
 
     /// Sets the actual state of the motor.
@@ -402,10 +625,22 @@ fn shows_a_count(mut trace: Trace) -> Trace {
 
 #[test]
 fn o9_a_trip_is_kept_once_and_then_shown() {
-    shows_a_count(Trace::new().tripped().keeps_a_trip()).ends().holds();
+    shows_a_count(Trace::new().tripped().keeps_a_trip())
+        .ends()
+        .holds();
     shows_a_count(Trace::new().tripped()).ends().violates("O9");
-    Trace::new().tripped().exchange(&COUNT, &ONE_TRIP).pass(60_000).exchange(&COUNT, &ONE_TRIP).ends().holds();
-    Trace::new().tripped().keeps_a_trip().keeps_a_trip().violates("O9");
+    Trace::new()
+        .tripped()
+        .exchange(&COUNT, &ONE_TRIP)
+        .pass(60_000)
+        .exchange(&COUNT, &ONE_TRIP)
+        .ends()
+        .holds();
+    Trace::new()
+        .tripped()
+        .keeps_a_trip()
+        .keeps_a_trip()
+        .violates("O9");
     Trace::new().keeps_a_trip().violates("O9");
     let mut trace = Trace::new().tripped();
     trace.checker.trips_shown(0, 1);
@@ -428,18 +663,45 @@ fn m1_a_stop_that_is_answered_was_sent_to_a_motor_that_turns() {
     let turns = |millis| Trace::new().sees(TURNS).pass(millis).asks(1, 101, &STOP);
     turns(4_000).told(1, 101, &STOP).violates("M1");
     turns(4_000).told(1, 101, &[0x86, 6]).holds();
-    turns(4_000).exchange(&STOP_FRAME, &STOP_FRAME).told(1, 101, &STOP).holds();
+    turns(4_000)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .told(1, 101, &STOP)
+        .holds();
     // It could not be known yet, or it has stopped since.
     turns(1_000).told(1, 101, &STOP).holds();
-    turns(4_000).sees(State { is_ordered: false, ..TURNS }).told(1, 101, &STOP).holds();
+    turns(4_000)
+        .sees(State {
+            is_ordered: false,
+            ..TURNS
+        })
+        .told(1, 101, &STOP)
+        .holds();
     // A frame of an earlier stop does not count.
-    let started_again = || turns(100).exchange(&STOP_FRAME, &STOP_FRAME).told(1, 101, &STOP).exchange(&READ, &AT_REST);
+    let started_again = || {
+        turns(100)
+            .exchange(&STOP_FRAME, &STOP_FRAME)
+            .told(1, 101, &STOP)
+            .exchange(&READ, &AT_REST)
+    };
     // While it falls it may be the ramp of that stop; when it rises it was started again.
-    let slower = State { output: 2_000, ..TURNS };
-    let falls = || started_again().sees(slower).pass(5_000).asks(2, 101, &STOP).told(2, 101, &STOP);
+    let slower = State {
+        output: 2_000,
+        ..TURNS
+    };
+    let falls = || {
+        started_again()
+            .sees(slower)
+            .pass(5_000)
+            .asks(2, 101, &STOP)
+            .told(2, 101, &STOP)
+    };
     falls().pass(5_000).sees(slower).holds();
     falls().sees(TURNS).pass(5_000).sees(TURNS).violates("M1");
-    let rises = started_again().sees(slower).sees(TURNS).pass(5_000).asks(2, 101, &STOP);
+    let rises = started_again()
+        .sees(slower)
+        .sees(TURNS)
+        .pass(5_000)
+        .asks(2, 101, &STOP);
     rises.told(2, 101, &STOP).violates("M1");
 }
 
@@ -449,7 +711,13 @@ fn m2_what_waited_too_long_or_was_issued_before_a_stop_is_no_order() {
     let later = || Trace::new().pass(10_000);
     runs(later().late("run/set", "forward", 1_300)).holds();
     runs(later().late("run/set", "forward", 1_400)).violates("M2");
-    let stopped = || later().asks(1, 101, &STOP).pass(1).exchange(&STOP_FRAME, &STOP_FRAME).exchange(&READ, &AT_REST);
+    let stopped = || {
+        later()
+            .asks(1, 101, &STOP)
+            .pass(1)
+            .exchange(&STOP_FRAME, &STOP_FRAME)
+            .exchange(&READ, &AT_REST)
+    };
     let order = r#"{"id":"o1","run":"forward"}"#;
     runs(stopped().pass(500).late("command", order, 400)).holds();
     runs(stopped().pass(500).late("command", order, 900)).violates("M2");
@@ -460,7 +728,9 @@ fn m2_what_waited_too_long_or_was_issued_before_a_stop_is_no_order() {
 fn m2_a_moment_in_the_future_proves_nothing() {
     let runs = |issued_at: u64| {
         let order = format!(r#"{{"run":"forward","issued_at":{issued_at}}}"#);
-        Trace::new().message("command", &order).sends(&RUN_FRAME, &RUN_FRAME)
+        Trace::new()
+            .message("command", &order)
+            .sends(&RUN_FRAME, &RUN_FRAME)
     };
     runs(2_000).holds();
     runs(2_001).violates("M2");
@@ -468,16 +738,40 @@ fn m2_a_moment_in_the_future_proves_nothing() {
 
 #[test]
 fn m3_no_reset_is_left_in_a_run_command() {
-    let resets = State { is_on: true, run_word: 4, ..State::default() };
+    let resets = State {
+        is_on: true,
+        run_word: 4,
+        ..State::default()
+    };
     Trace::new().sees(resets).pass(14_000).holds();
     Trace::new().sees(resets).pass(16_000).violates("M3");
-    Trace::new().sees(resets).pass(14_000).sees(State { run_word: 0, ..resets }).pass(16_000).holds();
-    Trace::new().sees(State { refuses_stops: true, ..resets }).pass(16_000).holds();
+    Trace::new()
+        .sees(resets)
+        .pass(14_000)
+        .sees(State {
+            run_word: 0,
+            ..resets
+        })
+        .pass(16_000)
+        .holds();
+    Trace::new()
+        .sees(State {
+            refuses_stops: true,
+            ..resets
+        })
+        .pass(16_000)
+        .holds();
 }
 
 #[test]
 fn m4_as_many_trips_are_reported_as_there_were() {
-    let tripped = || Trace::new().sees(State { is_on: true, trips: 1, ..State::default() });
+    let tripped = || {
+        Trace::new().sees(State {
+            is_on: true,
+            trips: 1,
+            ..State::default()
+        })
+    };
     tripped().tells(1).holds();
     tripped().tells(2).violates("M4");
     tripped().tells(1).tells(1).violates("M4");
@@ -488,17 +782,33 @@ fn m4_as_many_trips_are_reported_as_there_were() {
 #[test]
 fn m5_a_run_state_is_true_within_its_age() {
     let shown = |state: State, millis, status: [u8; 2], run_state| {
-        let trace = Trace::new().sees(state).pass(millis).asks(1, 101, &[3, 0, 1, 0, 2]);
+        let trace = Trace::new()
+            .sees(state)
+            .pass(millis)
+            .asks(1, 101, &[3, 0, 1, 0, 2]);
         trace.told(1, 101, &[3, 4, status[0], status[1], 0, run_state])
     };
-    let rests = State { is_ordered: false, output: 0, ..TURNS };
+    let rests = State {
+        is_ordered: false,
+        output: 0,
+        ..TURNS
+    };
     shown(TURNS, 4_000, [0, 1], 1).violates("M5");
     shown(TURNS, 1_000, [0, 1], 1).holds();
     shown(TURNS, 4_000, [1, 1], 1).holds();
     shown(TURNS, 4_000, [0, 3], 2).holds();
     shown(rests, 4_000, [0, 3], 2).violates("M5");
     shown(rests, 4_000, [0, 1], 1).holds();
-    shown(State { is_on: false, ..rests }, 4_000, [0, 3], 2).holds();
+    shown(
+        State {
+            is_on: false,
+            ..rests
+        },
+        4_000,
+        [0, 3],
+        2,
+    )
+    .holds();
 }
 
 #[test]
@@ -520,15 +830,53 @@ fn o14_an_attempt_has_one_row_and_one_end() {
 #[test]
 fn a_restart_starts_nothing_and_ends_what_it_must() {
     let nothing = Known::default();
-    let leased = Known { is_leased: true, stop: None };
-    let stopped = Known { is_leased: false, stop: Some(false) };
-    Trace::new().asks(1, 101, &RUN).restarts(nothing).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
-    Trace::new().runs().restarts(leased).sends(&RUN_FRAME, &RUN_FRAME).violates("O1");
-    Trace::new().runs().restarts(nothing).sends(&STOP_FRAME, &STOP_FRAME).violates("O1");
-    Trace::new().runs().restarts(nothing).exchange(&READ, &REPLY).pass(9_000).holds();
-    Trace::new().runs().restarts(leased).exchange(&READ, &REPLY).pass(9_000).violates("O11");
-    Trace::new().runs().restarts(leased).exchange(&READ, &REPLY).exchange(&STOP_FRAME, &STOP_FRAME).holds();
-    Trace::new().runs().restarts(stopped).exchange(&READ, &REPLY).pass(2_000).violates("L1");
+    let leased = Known {
+        is_leased: true,
+        stop: None,
+    };
+    let stopped = Known {
+        is_leased: false,
+        stop: Some(false),
+    };
+    Trace::new()
+        .asks(1, 101, &RUN)
+        .restarts(nothing)
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O1");
+    Trace::new()
+        .runs()
+        .restarts(leased)
+        .sends(&RUN_FRAME, &RUN_FRAME)
+        .violates("O1");
+    Trace::new()
+        .runs()
+        .restarts(nothing)
+        .sends(&STOP_FRAME, &STOP_FRAME)
+        .violates("O1");
+    Trace::new()
+        .runs()
+        .restarts(nothing)
+        .exchange(&READ, &REPLY)
+        .pass(9_000)
+        .holds();
+    Trace::new()
+        .runs()
+        .restarts(leased)
+        .exchange(&READ, &REPLY)
+        .pass(9_000)
+        .violates("O11");
+    Trace::new()
+        .runs()
+        .restarts(leased)
+        .exchange(&READ, &REPLY)
+        .exchange(&STOP_FRAME, &STOP_FRAME)
+        .holds();
+    Trace::new()
+        .runs()
+        .restarts(stopped)
+        .exchange(&READ, &REPLY)
+        .pass(2_000)
+        .violates("L1");
     Trace::new()
         .runs()
         .restarts(stopped)
@@ -540,12 +888,20 @@ fn a_restart_starts_nothing_and_ends_what_it_must() {
 
 #[test]
 fn l1_a_stop_leaves() {
-    Trace::new().runs().asks(2, 101, &STOP).pass(2_000).violates("L1");
+    Trace::new()
+        .runs()
+        .asks(2, 101, &STOP)
+        .pass(2_000)
+        .violates("L1");
 }
 
 #[test]
 fn one_seed_is_one_world() {
-    let hashes = |seed| (0..2).map(|_| run(seed, 3_000, Extras::on()).expect("no violation").1).collect::<Vec<_>>();
+    let hashes = |seed| {
+        (0..2)
+            .map(|_| run(seed, 3_000, Extras::on()).expect("no violation").1)
+            .collect::<Vec<_>>()
+    };
     let one = hashes(11);
     let other = hashes(12);
     assert_eq!((one[0], other[0]), (one[1], other[1]));
@@ -606,10 +962,20 @@ fn single_promises_hold() {
         // After a late reply a drive is dirty for up to its longest lateness, mostly without a barrier, and a client
         // whose read failed repeats it 20 ms later: one fault costs a dozen reads. Without late replies most have
         // words.
-        let least = if tally.late == 0 { tally.reads / 2 } else { tally.reads / 5 };
-        assert!(tally.bursts > 10 && tally.right > least, "{seed}: {tally:?}");
+        let least = if tally.late == 0 {
+            tally.reads / 2
+        } else {
+            tally.reads / 5
+        };
+        assert!(
+            tally.bursts > 10 && tally.right > least,
+            "{seed}: {tally:?}"
+        );
     }
     trials::gaps(1, 50_000).unwrap_or_else(|text| panic!("{text}"));
     let (worst, pool) = trials::stops(1, 200).unwrap_or_else(|text| panic!("{text}"));
-    assert!(worst.as_millis() < 60 && pool > 100_000, "{worst:?}, {pool} reads on offer");
+    assert!(
+        worst.as_millis() < 60 && pool > 100_000,
+        "{worst:?}, {pool} reads on offer"
+    );
 }

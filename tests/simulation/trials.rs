@@ -33,7 +33,11 @@ pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -
         on_shutdown: Action::Stop,
     };
     Plan {
-        line: Line { baud: 9_600, char_bits: 10, drives: (1..=drives).map(drive).collect() },
+        line: Line {
+            baud: 9_600,
+            char_bits: 10,
+            drives: (1..=drives).map(drive).collect(),
+        },
         link: LinkSettings::DEFAULT,
         faults,
         clients,
@@ -53,7 +57,10 @@ pub(super) fn reads(drives: u8, kind: Kind, clients: usize, faults: FaultPlan) -
 pub fn late(seed: u64, count: u64) -> Result<Tally, String> {
     let mut rng = Rng::with_seed(seed);
     let kind = Kind::ALL[rng.usize(0..3)];
-    let faults = FaultPlan { late: rng.u16(100..700), ..FaultPlan::NONE };
+    let faults = FaultPlan {
+        late: rng.u16(100..700),
+        ..FaultPlan::NONE
+    };
     let plan = reads(rng.u8(1..=4), kind, rng.usize(2..8), faults);
     let mut world = World::with(plan, rng);
     let calm_until = MonoTime::from_millis(7_000);
@@ -124,13 +131,20 @@ pub fn stops(seed: u64, count: u64) -> Result<(Duration, u64), String> {
         }
         let newest = *world.checker.wire.newest().expect("a frame");
         if newest.function != 6 || newest.address != 2 || newest.values[0] != 0 {
-            return Err(format!("seed {seed}, trial {trial}: something went before the stop: {newest:?}"));
+            return Err(format!(
+                "seed {seed}, trial {trial}: something went before the stop: {newest:?}"
+            ));
         }
         let before = world.checker.wire.back(1).expect("an exchange before");
-        let over = before.heard_at.ok_or_else(|| format!("seed {seed}, trial {trial}: not answered: {before:?}"))?;
+        let over = before
+            .heard_at
+            .ok_or_else(|| format!("seed {seed}, trial {trial}: not answered: {before:?}"))?;
         let right = accepted.as_nanos().max(over + silence);
         if newest.at.abs_diff(right) > 1 {
-            return Err(format!("seed {seed}, trial {trial}: at {} ns instead of {right} ns", newest.at));
+            return Err(format!(
+                "seed {seed}, trial {trial}: at {} ns instead of {right} ns",
+                newest.at
+            ));
         }
         worst = worst.max(Duration::from_nanos(newest.at - accepted.as_nanos()));
     }
@@ -148,12 +162,19 @@ fn stop_one(world: &mut World, trial: u64, drive: u16) {
         issued: world.now.as_nanos(),
     };
     world.checker.message(world.now.as_nanos(), message);
-    let rights = Rights { write: true, stop: true };
+    let rights = Rights {
+        write: true,
+        stop: true,
+    };
     let command = CommandRequest {
         asker: AskerId::MQTT,
         ticket: Ticket(trial),
         drive: DriveIndex(drive),
-        origin: Origin { owner: Owner::Mqtt, rights, manner: Manner::Once },
+        origin: Origin {
+            owner: Owner::Mqtt,
+            rights,
+            manner: Manner::Once,
+        },
         order: Order::Stop { setpoint: None },
         start_before: MonoTime::NEVER,
         issued: None,

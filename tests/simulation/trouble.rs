@@ -30,10 +30,26 @@ pub enum Trouble {
 
 impl Trouble {
     pub const COUNT: usize = 8;
-    pub const NAMES: [&str; Self::COUNT] =
-        ["power off", "trip", "port down", "noise", "foreign frame", "babble", "rough", "calm"];
-    const ALL: [Self; Self::COUNT] =
-        [Self::PowerOff, Self::Trip, Self::PortDown, Self::Noise, Self::Foreign, Self::Babble, Self::Rough, Self::Calm];
+    pub const NAMES: [&str; Self::COUNT] = [
+        "power off",
+        "trip",
+        "port down",
+        "noise",
+        "foreign frame",
+        "babble",
+        "rough",
+        "calm",
+    ];
+    const ALL: [Self; Self::COUNT] = [
+        Self::PowerOff,
+        Self::Trip,
+        Self::PortDown,
+        Self::Noise,
+        Self::Foreign,
+        Self::Babble,
+        Self::Rough,
+        Self::Calm,
+    ];
 }
 
 /// Most bytes that a babbling node puts on the wire at once.
@@ -48,7 +64,11 @@ impl World {
         }
         self.tally.troubles[trouble as usize] += 1;
         let which = self.rng.u8(0..self.plan.line.drives.len() as u8);
-        self.checker.note(self.now.as_nanos(), which.into(), Trouble::NAMES[trouble as usize]);
+        self.checker.note(
+            self.now.as_nanos(),
+            which.into(),
+            Trouble::NAMES[trouble as usize],
+        );
         let station = self.station(which.into());
         let now = self.now;
         let lasts = Duration::from_millis(self.rng.u64(50..15_000));
@@ -77,7 +97,9 @@ impl World {
             Trouble::PortDown => {}
             Trouble::Noise | Trouble::Babble => {
                 let most = if trouble == Trouble::Noise { 8 } else { BABBLE };
-                let bytes: Vec<u8> = (0..self.rng.usize(1..=most)).map(|_| self.rng.u8(..)).collect();
+                let bytes: Vec<u8> = (0..self.rng.usize(1..=most))
+                    .map(|_| self.rng.u8(..))
+                    .collect();
                 self.bus.speak(now, &bytes);
                 if trouble == Trouble::Babble && self.rng.u8(0..4) > 0 {
                     let pause = Duration::from_millis(self.rng.u64(1..60));
@@ -94,7 +116,13 @@ impl World {
                 let late = chance();
                 let cut = chance();
                 let flip = chance();
-                self.bus.set_faults(FaultPlan { lost, late, cut, flip, ..self.plan.faults });
+                self.bus.set_faults(FaultPlan {
+                    lost,
+                    late,
+                    cut,
+                    flip,
+                    ..self.plan.faults
+                });
                 self.repair_in(lasts, trouble, which);
             }
             Trouble::Calm => {
@@ -125,7 +153,8 @@ impl World {
 
     /// Undoes the fault.
     pub fn repair(&mut self, trouble: Trouble, which: u8) {
-        self.checker.note(self.now.as_nanos(), which.into(), "repaired");
+        self.checker
+            .note(self.now.as_nanos(), which.into(), "repaired");
         match trouble {
             Trouble::PowerOff => {
                 let station = self.station(which.into());
@@ -134,7 +163,9 @@ impl World {
             }
             Trouble::PortDown if !self.is_port_up => self.open_port(),
             Trouble::Babble => {
-                let bytes: Vec<u8> = (0..self.rng.usize(1..=BABBLE)).map(|_| self.rng.u8(..)).collect();
+                let bytes: Vec<u8> = (0..self.rng.usize(1..=BABBLE))
+                    .map(|_| self.rng.u8(..))
+                    .collect();
                 self.bus.speak(self.now, &bytes);
                 if self.rng.u8(0..12) > 0 {
                     let pause = Duration::from_millis(self.rng.u64(1..60));

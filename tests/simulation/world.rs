@@ -91,12 +91,19 @@ impl World {
         let descriptions = plan.descriptions();
         let mut checker = Checker::new(plan.line.clone(), plan.clients);
         checker.keeps = plan.keeps;
-        let journal = plan.keeps.then(|| Journal::new(plan.line.drives.len(), rng.u64(..)));
+        let journal = plan
+            .keeps
+            .then(|| Journal::new(plan.line.drives.len(), rng.u64(..)));
         let mut world = Self {
             uniform: descriptions.iter().map(Uniform::new).collect(),
-            views: descriptions.iter().map(|_| Arc::new(DriveView::default())).collect(),
+            views: descriptions
+                .iter()
+                .map(|_| Arc::new(DriveView::default()))
+                .collect(),
             mqtt: None,
-            clients: (0..plan.clients).map(|who| Client::new(who, who as u64 + 1, now)).collect(),
+            clients: (0..plan.clients)
+                .map(|who| Client::new(who, who as u64 + 1, now))
+                .collect(),
             askers: plan.clients as u64,
             north_wake: None,
             client_at: now + CALM,
@@ -106,9 +113,16 @@ impl World {
             mood_until: now,
             is_port_up: false,
             is_over: false,
-            tally: Tally { worlds: 1, ..Tally::default() },
+            tally: Tally {
+                worlds: 1,
+                ..Tally::default()
+            },
             again: Vec::new(),
-            refused: if plan.only_reads { (0..plan.clients).collect() } else { Vec::new() },
+            refused: if plan.only_reads {
+                (0..plan.clients).collect()
+            } else {
+                Vec::new()
+            },
             to_reopen: None,
             journal,
             doom: None,
@@ -188,9 +202,24 @@ impl World {
         let north = self.north_wake.unwrap_or(never);
         let mqtt = self.mqtt.as_ref().map_or(never, |mqtt| mqtt.wake_at);
         let repair = self.repairs.first().map_or(never, |(at, ..)| *at);
-        let world = if self.is_over { never } else { self.client_at.min(self.trouble_at) };
-        let extra = if self.is_over { never } else { self.others_due().min(self.stalls_due()) };
-        let next = wake.min(due).min(north).min(world).min(repair).min(mqtt).min(self.kept_due()).min(extra);
+        let world = if self.is_over {
+            never
+        } else {
+            self.client_at.min(self.trouble_at)
+        };
+        let extra = if self.is_over {
+            never
+        } else {
+            self.others_due().min(self.stalls_due())
+        };
+        let next = wake
+            .min(due)
+            .min(north)
+            .min(world)
+            .min(repair)
+            .min(mqtt)
+            .min(self.kept_due())
+            .min(extra);
         if next > until {
             self.now = until;
             return false;
@@ -296,18 +325,27 @@ impl World {
             Effect::Transmit(frame) => {
                 self.bus.receive(self.now, &frame);
                 self.core.transmitted(self.now);
-                self.checker.request(self.now.as_nanos(), &frame, self.bus.newest_reply());
+                self.checker
+                    .request(self.now.as_nanos(), &frame, self.bus.newest_reply());
                 self.look_after(&frame);
             }
             Effect::Answer(answer) => {
                 self.hear_native(&answer);
                 self.mqtt_reads(&answer);
                 if self.plan.only_reads && matches!(answer.outcome, NativeOutcome::Words(_)) {
-                    self.again.extend(self.clients.iter().position(|client| client.asker == answer.asker));
+                    self.again.extend(
+                        self.clients
+                            .iter()
+                            .position(|client| client.asker == answer.asker),
+                    );
                 } else if self.plan.only_reads {
                     // A client takes a moment to repeat a refused request.
                     let again_at = self.now + Duration::from_millis(20);
-                    self.refused.extend(self.clients.iter().position(|client| client.asker == answer.asker));
+                    self.refused.extend(
+                        self.clients
+                            .iter()
+                            .position(|client| client.asker == answer.asker),
+                    );
                     self.client_at = self.client_at.min(again_at);
                 }
             }

@@ -19,7 +19,10 @@ impl Rig {
         let mut bus = SimBus::new(link, BusOptions::default(), 1);
         let mut drives = Vec::new();
         for (station, model) in (1..).map(Station).zip(models) {
-            bus.connect(station, SimDrive::new(Arc::clone(model), DriveOptions::default()));
+            bus.connect(
+                station,
+                SimDrive::new(Arc::clone(model), DriveOptions::default()),
+            );
             drives.push(DriveSetup {
                 station,
                 model: Arc::clone(model),
@@ -30,8 +33,17 @@ impl Rig {
                 remembered: Remembered::default(),
             });
         }
-        let timing = Timing::for_models(Framing::Rtu, link, models.iter().map(AsRef::as_ref), Duration::ZERO);
-        rig.setup = LineSetup { timing, drives, ..rig.setup };
+        let timing = Timing::for_models(
+            Framing::Rtu,
+            link,
+            models.iter().map(AsRef::as_ref),
+            Duration::ZERO,
+        );
+        rig.setup = LineSetup {
+            timing,
+            drives,
+            ..rig.setup
+        };
         rig.bus = bus;
         rig.core = LineCore::new(rig.setup.clone(), rig.now);
         rig.core.handle(rig.now, Input::PortUp(PortKind::Serial));

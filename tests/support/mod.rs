@@ -13,7 +13,8 @@ use std::path::Path;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use vfd_gateway::domain::command::{
-    CommandAnswer, CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason, Rights,
+    CommandAnswer, CommandRequest, Direction, Go, Manner, Order, Origin, Outcome, Owner, Reason,
+    Rights,
 };
 use vfd_gateway::domain::control::{ControlSettings, FailSafe};
 use vfd_gateway::domain::frequency::Hertz;
@@ -40,17 +41,29 @@ pub const PROOF: u16 = 0x3000;
 /// A client on this machine that may do everything.
 pub const ORIGIN: Origin = Origin {
     owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::LOCALHOST)),
-    rights: Rights { write: true, stop: true },
+    rights: Rights {
+        write: true,
+        stop: true,
+    },
     manner: Manner::Cyclic,
 };
 
 /// A client that publishes to the command topics.
-pub const MQTT: Origin =
-    Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
+pub const MQTT: Origin = Origin {
+    owner: Owner::Mqtt,
+    rights: Rights {
+        write: true,
+        stop: true,
+    },
+    manner: Manner::Once,
+};
 
 /// Another client that writes registers, at 10.0.0.`last`.
 pub fn plc(last: u8) -> Origin {
-    Origin { owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))), ..ORIGIN }
+    Origin {
+        owner: Owner::ModbusTcp(IpAddr::V4(Ipv4Addr::new(10, 0, 0, last))),
+        ..ORIGIN
+    }
 }
 
 /// Run, with a setpoint in hundredths of a hertz if there is one.
@@ -64,7 +77,9 @@ pub fn setpoint(centihertz: u16) -> Order {
 }
 
 fn go(setpoint: Option<u16>, direction: Option<Direction>) -> Order {
-    Order::Go(Go::new(Vec::new(), setpoint.map(Hertz::from_centihertz), direction).expect("not empty"))
+    Order::Go(
+        Go::new(Vec::new(), setpoint.map(Hertz::from_centihertz), direction).expect("not empty"),
+    )
 }
 
 pub const STOP: Order = Order::Stop { setpoint: None };
@@ -79,16 +94,27 @@ pub fn n700() -> Arc<Model> {
 pub fn catalog() -> Catalog {
     static CATALOG: LazyLock<Catalog> = LazyLock::new(|| {
         let own = std::env::var_os("VFD_MODEL_DIR");
-        vendors::catalog().with_texts(own.iter().flat_map(|dir| texts_in(Path::new(dir)))).expect("sound models")
+        vendors::catalog()
+            .with_texts(own.iter().flat_map(|dir| texts_in(Path::new(dir))))
+            .expect("sound models")
     });
     CATALOG.clone()
 }
 
 /// Name and text of the model files in `dir`.
 fn texts_in(dir: &Path) -> Vec<(String, String)> {
-    let paths = std::fs::read_dir(dir).expect("a directory").map(|entry| entry.expect("an entry").path());
+    let paths = std::fs::read_dir(dir)
+        .expect("a directory")
+        .map(|entry| entry.expect("an entry").path());
     let files = paths.filter(|path| path.extension().is_some_and(|it| it == "toml"));
-    files.map(|path| (path.display().to_string(), std::fs::read_to_string(&path).expect("a text"))).collect()
+    files
+        .map(|path| {
+            (
+                path.display().to_string(),
+                std::fs::read_to_string(&path).expect("a text"),
+            )
+        })
+        .collect()
 }
 
 /// The built-in model called `id`.
@@ -105,7 +131,11 @@ pub fn on(framing: Framing) -> Arc<Model> {
     model.link.framings.value = vec![Framing::Rtu, Framing::Ascii];
     model.link.data_bits.value = vec![7, 8];
     let source = "made up for tests".to_owned();
-    model.read.max_words_ascii = Some(Fact { value: ASCII_WORDS, confidence: Confidence::Default, source });
+    model.read.max_words_ascii = Some(Fact {
+        value: ASCII_WORDS,
+        confidence: Confidence::Default,
+        source,
+    });
     Arc::new(model.on(framing))
 }
 
@@ -163,14 +193,30 @@ pub fn control() -> ControlSettings {
 impl RigOptions {
     /// One drive under control, polled every 100 ms.
     pub fn controlled() -> Self {
-        Self { control: Some(control()), poll: Duration::from_millis(100), ..Self::default() }
+        Self {
+            control: Some(control()),
+            poll: Duration::from_millis(100),
+            ..Self::default()
+        }
     }
 
     /// The same on an ASCII line of 9600 bit/s with 7 data bits and even parity.
     pub fn ascii(self) -> Self {
-        let bus = BusOptions { framing: Framing::Ascii, ..self.bus };
-        let link = LinkSettings { data_bits: 7, parity: Parity::Even, ..LinkSettings::DEFAULT };
-        Self { bus, link, model: on(Framing::Ascii), ..self }
+        let bus = BusOptions {
+            framing: Framing::Ascii,
+            ..self.bus
+        };
+        let link = LinkSettings {
+            data_bits: 7,
+            parity: Parity::Even,
+            ..LinkSettings::DEFAULT
+        };
+        Self {
+            bus,
+            link,
+            model: on(Framing::Ascii),
+            ..self
+        }
     }
 }
 
@@ -181,7 +227,10 @@ impl RigOptions {
             station: Station(station),
             model: Arc::clone(model),
             poll: self.poll,
-            timeouts: ReplyTimeouts { learns: self.learns, ..ReplyTimeouts::fixed(self.reply_timeout) },
+            timeouts: ReplyTimeouts {
+                learns: self.learns,
+                ..ReplyTimeouts::fixed(self.reply_timeout)
+            },
             max_lateness: model.timing.max_lateness.value,
             control: self.control.clone().map(Arc::new),
             remembered: Remembered::default(),
@@ -190,7 +239,11 @@ impl RigOptions {
 
     /// The same over a Modbus TCP connection.
     pub fn modbus_tcp(self) -> Self {
-        let bus = BusOptions { framing: Framing::Mbap, pacing: Pacing::None, ..self.bus };
+        let bus = BusOptions {
+            framing: Framing::Mbap,
+            pacing: Pacing::None,
+            ..self.bus
+        };
         Self { bus, ..self }
     }
 }
@@ -280,16 +333,32 @@ pub struct Rig {
 impl Rig {
     pub fn new(options: &RigOptions) -> Self {
         let model = &Arc::new(options.model.on(options.bus.framing));
-        let mut bus = SimBus::new(options.link, BusOptions { faults: FaultPlan::NONE, ..options.bus }, options.seed);
+        let mut bus = SimBus::new(
+            options.link,
+            BusOptions {
+                faults: FaultPlan::NONE,
+                ..options.bus
+            },
+            options.seed,
+        );
         let mut drives = Vec::new();
         for station in 1..=options.drives {
             let proof_words = options.proof_words.clone();
-            let drive = DriveOptions { proof_words, bad_request: options.bad_request, ..DriveOptions::default() };
+            let drive = DriveOptions {
+                proof_words,
+                bad_request: options.bad_request,
+                ..DriveOptions::default()
+            };
             let really = options.really.as_ref().unwrap_or(model);
             bus.connect(Station(station), SimDrive::new(Arc::clone(really), drive));
             drives.push(options.drive(station, model));
         }
-        let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
+        let timing = Timing::for_models(
+            options.bus.framing,
+            options.link,
+            [model.as_ref()],
+            Duration::ZERO,
+        );
         let now = MonoTime::from_millis(1);
         let setup = LineSetup {
             timing,
@@ -343,7 +412,14 @@ impl Rig {
 
     /// Reads `count` words from `address` of the drive at `index`, with a deadline of 5 s.
     pub fn read(&mut self, asker: u64, index: u16, address: u16, count: u16) -> Ticket {
-        self.ask(asker, index, NativeAsk::Read { address: address.into(), count })
+        self.ask(
+            asker,
+            index,
+            NativeAsk::Read {
+                address: address.into(),
+                count,
+            },
+        )
     }
 
     pub fn ask(&mut self, asker: u64, index: u16, ask: NativeAsk) -> Ticket {
@@ -351,8 +427,14 @@ impl Rig {
         let ticket = Ticket(self.last_ticket);
         self.open.insert(ticket.0, AskerId(asker));
         let deadline = self.now + Duration::from_secs(5);
-        let request =
-            NativeRequest { asker: AskerId(asker), ticket, drive: DriveIndex(index), origin: ORIGIN, ask, deadline };
+        let request = NativeRequest {
+            asker: AskerId(asker),
+            ticket,
+            drive: DriveIndex(index),
+            origin: ORIGIN,
+            ask,
+            deadline,
+        };
         self.core.handle(self.now, Input::Native(request));
         self.settle();
         ticket
@@ -381,7 +463,13 @@ impl Rig {
         self.give(origin, index, order, |_| {})
     }
 
-    fn give(&mut self, origin: Origin, index: u16, order: Order, change: impl FnOnce(&mut CommandRequest)) -> Ticket {
+    fn give(
+        &mut self,
+        origin: Origin,
+        index: u16,
+        order: Order,
+        change: impl FnOnce(&mut CommandRequest),
+    ) -> Ticket {
         self.last_ticket += 1;
         let ticket = Ticket(self.last_ticket);
         let mut command = CommandRequest {
@@ -402,8 +490,13 @@ impl Rig {
 
     /// The reports on a command so far: outcome, reason, and whether it was final.
     pub fn told(&self, ticket: Ticket) -> Vec<(Outcome, Reason, bool)> {
-        let of_ticket = self.reports.iter().filter(|(_, answer)| answer.ticket == ticket);
-        of_ticket.map(|(_, answer)| (answer.report.outcome, answer.report.reason, answer.is_final)).collect()
+        let of_ticket = self
+            .reports
+            .iter()
+            .filter(|(_, answer)| answer.ticket == ticket);
+        of_ticket
+            .map(|(_, answer)| (answer.report.outcome, answer.report.reason, answer.is_final))
+            .collect()
     }
 
     /// Lets time pass until a command has its final outcome, at most 20 s, and returns that.
@@ -413,7 +506,11 @@ impl Rig {
             if let Some((outcome, reason, true)) = self.told(ticket).last() {
                 return (*outcome, *reason);
             }
-            assert!(self.step(limit), "no outcome of {ticket:?} within 20 s: {:?}", self.told(ticket));
+            assert!(
+                self.step(limit),
+                "no outcome of {ticket:?} within 20 s: {:?}",
+                self.told(ticket)
+            );
         }
     }
 
@@ -457,7 +554,10 @@ impl Rig {
     pub fn restart(&mut self, remembered: Remembered) {
         self.setup.first_epoch += 1_000;
         self.setup.asked_before = true;
-        self.setup.drives.iter_mut().for_each(|drive| drive.remembered = remembered);
+        self.setup
+            .drives
+            .iter_mut()
+            .for_each(|drive| drive.remembered = remembered);
         self.core = LineCore::new(self.setup.clone(), self.now);
         if !self.framing.has_characters() {
             self.bus.hang_up(self.now);
@@ -472,7 +572,11 @@ impl Rig {
 
     /// What the line wants kept, except changes of availability.
     pub fn entries(&self) -> Vec<&Entry> {
-        self.kept.iter().map(|keep| &keep.entry).filter(|it| !matches!(it, Entry::Presence(_))).collect()
+        self.kept
+            .iter()
+            .map(|keep| &keep.entry)
+            .filter(|it| !matches!(it, Entry::Presence(_)))
+            .collect()
     }
 
     /// Confirms that everything so far is kept.
@@ -497,52 +601,81 @@ impl Rig {
 
     /// The drive's true output frequency in hundredths of a hertz, negative in reverse.
     pub fn output(&mut self, station: u8) -> i64 {
-        self.bus.drive_mut(Station(station)).map_or(0, |drive| drive.output(self.now) / 10_000)
+        self.bus
+            .drive_mut(Station(station))
+            .map_or(0, |drive| drive.output(self.now) / 10_000)
     }
 
     /// The present view of the drive at `index`.
     pub fn view(&self, index: u16) -> DriveView {
-        self.core.view(DriveIndex(index)).expect("there is such a drive")
+        self.core
+            .view(DriveIndex(index))
+            .expect("there is such a drive")
     }
 
     /// The values that were written to `address`, oldest first.
     pub fn written(&self, address: u16) -> Vec<u16> {
         let place = address.to_be_bytes();
-        let writes = self.sent.iter().filter(|sent| sent.pdu[0] == 6 && sent.pdu[1..3] == place);
-        writes.map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]])).collect()
+        let writes = self
+            .sent
+            .iter()
+            .filter(|sent| sent.pdu[0] == 6 && sent.pdu[1..3] == place);
+        writes
+            .map(|sent| u16::from_be_bytes([sent.pdu[3], sent.pdu[4]]))
+            .collect()
     }
 
     /// The PDUs of all writes so far.
     pub fn writes(&self) -> Vec<Vec<u8>> {
-        let writes = self.sent.iter().filter(|sent| matches!(sent.pdu.first(), Some(5 | 6 | 0x0F | 0x10)));
+        let writes = self
+            .sent
+            .iter()
+            .filter(|sent| matches!(sent.pdu.first(), Some(5 | 6 | 0x0F | 0x10)));
         writes.map(|sent| sent.pdu.clone()).collect()
     }
 
     /// Lets time pass until `until`; `on_answer` gets each answer and may send further requests.
-    pub fn run_until(&mut self, until: MonoTime, mut on_answer: impl FnMut(&mut Self, &NativeAnswer)) {
+    pub fn run_until(
+        &mut self,
+        until: MonoTime,
+        mut on_answer: impl FnMut(&mut Self, &NativeAnswer),
+    ) {
         while self.now < until {
             for (_, answer) in std::mem::take(&mut self.answers) {
                 on_answer(self, &answer);
             }
             // A client needs a moment to read an answer that arrived at once.
             let moment = self.now + Duration::from_micros(100);
-            self.step(if self.answers.is_empty() { until } else { moment.min(until) });
+            self.step(if self.answers.is_empty() {
+                until
+            } else {
+                moment.min(until)
+            });
         }
     }
 
     /// Loses the reply to a read of one drive, and shows that another read of as many words is sent only after a
     /// barrier: an exchange whose answer cannot be confused with a late one.
     pub fn shows_that_a_missing_reply_is_waited_out(&mut self) {
-        self.bus.set_faults(FaultPlan { lost: 1000, ..FaultPlan::NONE });
+        self.bus.set_faults(FaultPlan {
+            lost: 1000,
+            ..FaultPlan::NONE
+        });
         let first = self.read(1, 0, PROOF, 1);
         // The reply to what is on the wire is lost already; nothing else will be.
         self.bus.set_faults(FaultPlan::NONE);
         let same_count = self.read(1, 0, 0x0201, 1);
         assert_eq!(self.answer_to(first), NativeOutcome::NoReply);
-        assert!(matches!(self.answer_to(same_count), NativeOutcome::Words(_)));
+        assert!(matches!(
+            self.answer_to(same_count),
+            NativeOutcome::Words(_)
+        ));
         // A barrier with another word count went in between; only its answer let the equal count through.
         let counts: Vec<u8> = self.sent.iter().map(|sent| sent.pdu[4]).collect();
-        assert!(matches!(counts[..], [1, barrier, 1] if barrier != 1), "{counts:?}");
+        assert!(
+            matches!(counts[..], [1, barrier, 1] if barrier != 1),
+            "{counts:?}"
+        );
         assert_eq!(self.core.counters().barriers, 1);
     }
 
@@ -550,7 +683,11 @@ impl Rig {
     pub fn answer_to(&mut self, ticket: Ticket) -> NativeOutcome {
         let limit = self.now + Duration::from_secs(20);
         loop {
-            if let Some(at) = self.answers.iter().position(|(_, answer)| answer.ticket == ticket) {
+            if let Some(at) = self
+                .answers
+                .iter()
+                .position(|(_, answer)| answer.ticket == ticket)
+            {
                 return self.answers.remove(at).1.outcome;
             }
             assert!(self.step(limit), "no answer to {ticket:?} within 20 s");
@@ -559,8 +696,15 @@ impl Rig {
 
     /// Jumps to the next event, at most to `until`. Returns whether there was an event before that.
     pub fn step(&mut self, until: MonoTime) -> bool {
-        let wake = self.core.next_wake().map_or(MonoTime::NEVER, |wake| wake.at);
-        assert!(wake > self.now, "the core wants to be woken at once for ever: {:?}", self.core.next_wake());
+        let wake = self
+            .core
+            .next_wake()
+            .map_or(MonoTime::NEVER, |wake| wake.at);
+        assert!(
+            wake > self.now,
+            "the core wants to be woken at once for ever: {:?}",
+            self.core.next_wake()
+        );
         let due = self.bus.next_due().unwrap_or(MonoTime::NEVER);
         let next = wake.min(due);
         if next > until {
@@ -569,7 +713,8 @@ impl Rig {
         }
         self.now = self.now.max(next);
         let core = &mut self.core;
-        self.bus.take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
+        self.bus
+            .take_due(self.now, |at, bytes| core.handle(at, Input::Bytes(bytes)));
         self.settle();
         true
     }
@@ -582,7 +727,11 @@ impl Rig {
                 Effect::Transmit(frame) => self.transmit(frame),
                 Effect::Answer(answer) => {
                     let asker = self.open.remove(&answer.ticket.0);
-                    assert_eq!(asker, Some(answer.asker), "each request is answered once, to its asker");
+                    assert_eq!(
+                        asker,
+                        Some(answer.asker),
+                        "each request is answered once, to its asker"
+                    );
                     let proof = self.sent.last().map_or(0, |sent| sent.proof);
                     if matches!(answer.outcome, NativeOutcome::Words(_)) {
                         self.proofs.push((answer.ticket, proof));
@@ -603,7 +752,11 @@ impl Rig {
 
     /// The proof number of the exchange that answered `ticket`.
     pub fn proof(&mut self, ticket: Ticket) -> u16 {
-        let place = self.proofs.iter().position(|(known, _)| *known == ticket).expect("it was answered");
+        let place = self
+            .proofs
+            .iter()
+            .position(|(known, _)| *known == ticket)
+            .expect("it was answered");
         self.proofs.swap_remove(place).1
     }
 
@@ -619,7 +772,8 @@ impl Rig {
         if !self.keeps_sent {
             self.sent.clear();
         }
-        let (station, pdu) = framing::decode(self.framing, &frame).expect("only sound frames are sent");
+        let (station, pdu) =
+            framing::decode(self.framing, &frame).expect("only sound frames are sent");
         let pdu = pdu.into_owned();
         let proof = (self.bus.exchange(Station(station)) + 1) as u16;
         if self.loses_reply_to == Some(pdu[0]) {
@@ -634,6 +788,11 @@ impl Rig {
         if self.echoes {
             self.core.handle(self.now, Input::Bytes(&frame));
         }
-        self.sent.push(Sent { at: self.now, frame, pdu, proof });
+        self.sent.push(Sent {
+            at: self.now,
+            frame,
+            pdu,
+            proof,
+        });
     }
 }

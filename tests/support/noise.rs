@@ -22,7 +22,11 @@ impl Jam {
 
     /// How many bytes come next, by a random number below 6.
     pub fn count(&self, random: u64) -> usize {
-        if self.is_unbroken() { 4 } else { 1 + usize::try_from(random).unwrap_or_default() }
+        if self.is_unbroken() {
+            4
+        } else {
+            1 + usize::try_from(random).unwrap_or_default()
+        }
     }
 
     /// The pause behind them, by a random number.

@@ -85,7 +85,9 @@ impl Half {
     fn keep(&mut self, now: MonoTime, keep: Keep) {
         if let Some(memory) = &mut self.memory {
             memory[keep.drive.get()].take(&keep.entry);
-            self.core.iter_mut().for_each(|core| core.handle(now, Input::Kept(keep.row)));
+            self.core
+                .iter_mut()
+                .for_each(|core| core.handle(now, Input::Kept(keep.row)));
         }
         self.kept.push(keep);
     }
@@ -133,14 +135,30 @@ impl Pair {
     /// Gateways of ranks 0, 1, ..., none of them running, with the drives of `options`.
     pub fn new(count: usize, options: &RigOptions) -> Self {
         let model = &Arc::new(options.model.on(options.bus.framing));
-        let mut bus = SimBus::new(options.link, BusOptions { faults: FaultPlan::NONE, ..options.bus }, options.seed);
+        let mut bus = SimBus::new(
+            options.link,
+            BusOptions {
+                faults: FaultPlan::NONE,
+                ..options.bus
+            },
+            options.seed,
+        );
         let mut drives = Vec::new();
         for station in 1..=options.drives {
-            bus.connect(Station(station), SimDrive::new(Arc::clone(model), DriveOptions::default()));
+            bus.connect(
+                Station(station),
+                SimDrive::new(Arc::clone(model), DriveOptions::default()),
+            );
             drives.push(options.drive(station, model));
         }
-        let timing = Timing::for_models(options.bus.framing, options.link, [model.as_ref()], Duration::ZERO);
-        let shortest = StandbyTimes::shortest(&timing, options.reply_timeout + Duration::from_millis(100));
+        let timing = Timing::for_models(
+            options.bus.framing,
+            options.link,
+            [model.as_ref()],
+            Duration::ZERO,
+        );
+        let shortest =
+            StandbyTimes::shortest(&timing, options.reply_timeout + Duration::from_millis(100));
         let half = |rank: u8| Half {
             core: None,
             setup: LineSetup {
@@ -200,7 +218,10 @@ impl Pair {
         pair.start(0);
         pair.start(1);
         pair.pass(Duration::from_secs(10));
-        assert_eq!([pair.role(0), pair.role(1)], [LineRole::Active, LineRole::Listening]);
+        assert_eq!(
+            [pair.role(0), pair.role(1)],
+            [LineRole::Active, LineRole::Listening]
+        );
         pair
     }
 
@@ -225,11 +246,17 @@ impl Pair {
         let it = &mut self.halves[half];
         it.setup.asked_before = true;
         for (place, drive) in it.setup.drives.iter_mut().enumerate() {
-            drive.remembered = it.memory.as_ref().map_or_else(Remembered::default, |memory| memory[place]);
+            drive.remembered = it
+                .memory
+                .as_ref()
+                .map_or_else(Remembered::default, |memory| memory[place]);
         }
         // An owner gets its time once.
         for remembered in it.memory.iter_mut().flatten() {
-            remembered.lease = remembered.lease.map(|lease| RememberedLease { was_orphaned: true, ..lease });
+            remembered.lease = remembered.lease.map(|lease| RememberedLease {
+                was_orphaned: true,
+                ..lease
+            });
         }
         self.start(half);
     }
@@ -278,7 +305,11 @@ impl Pair {
             self.puts_out(half, frame);
             self.after_writing(half);
         }
-        if let Some(core) = self.halves[half].core.as_mut().filter(|_| !waiting.is_empty()) {
+        if let Some(core) = self.halves[half]
+            .core
+            .as_mut()
+            .filter(|_| !waiting.is_empty())
+        {
             core.handle(now, Input::Bytes(&waiting));
         }
         self.settle(half);
@@ -286,7 +317,10 @@ impl Pair {
 
     /// What it does on the line.
     pub fn role(&self, half: usize) -> LineRole {
-        let report = self.halves[half].core.as_ref().and_then(|core| core.report().standby);
+        let report = self.halves[half]
+            .core
+            .as_ref()
+            .and_then(|core| core.report().standby);
         report.map_or(LineRole::Listening, |report| report.role)
     }
 
@@ -296,7 +330,11 @@ impl Pair {
 
     /// Its view of the drive at `index`.
     pub fn view(&self, half: usize, index: u16) -> DriveView {
-        self.halves[half].core.as_ref().and_then(|core| core.view(DriveIndex(index))).expect("it runs")
+        self.halves[half]
+            .core
+            .as_ref()
+            .and_then(|core| core.view(DriveIndex(index)))
+            .expect("it runs")
     }
 
     /// Commands a drive through `half`.
@@ -330,10 +368,19 @@ impl Pair {
         let ticket = Ticket(self.last_ticket);
         self.asked.insert(ticket.0);
         let now = self.clock(half);
-        let ask = NativeAsk::Read { address: address.into(), count };
+        let ask = NativeAsk::Read {
+            address: address.into(),
+            count,
+        };
         let deadline = now + Duration::from_secs(5);
-        let request =
-            NativeRequest { asker: AskerId(1), ticket, drive: DriveIndex(index), origin: ORIGIN, ask, deadline };
+        let request = NativeRequest {
+            asker: AskerId(1),
+            ticket,
+            drive: DriveIndex(index),
+            origin: ORIGIN,
+            ask,
+            deadline,
+        };
         self.core(half).handle(now, Input::Native(request));
         self.settle(half);
         ticket
@@ -344,10 +391,19 @@ impl Pair {
         self.last_ticket += 1;
         let ticket = Ticket(self.last_ticket);
         let now = self.clock(half);
-        let ask = NativeAsk::Write { address, values: vec![value] };
+        let ask = NativeAsk::Write {
+            address,
+            values: vec![value],
+        };
         let deadline = now + Duration::from_secs(1);
-        let request =
-            NativeRequest { asker: AskerId(1), ticket, drive: DriveIndex(index), origin: ORIGIN, ask, deadline };
+        let request = NativeRequest {
+            asker: AskerId(1),
+            ticket,
+            drive: DriveIndex(index),
+            origin: ORIGIN,
+            ask,
+            deadline,
+        };
         self.core(half).handle(now, Input::Native(request));
         self.settle(half);
         ticket
@@ -355,8 +411,14 @@ impl Pair {
 
     /// The last report on a command so far.
     pub fn told(&self, half: usize, ticket: Ticket) -> Option<(Outcome, Reason)> {
-        let mut of_ticket = self.halves[half].reports.iter().rev().filter(|(_, answer)| answer.ticket == ticket);
-        of_ticket.next().map(|(_, answer)| (answer.report.outcome, answer.report.reason))
+        let mut of_ticket = self.halves[half]
+            .reports
+            .iter()
+            .rev()
+            .filter(|(_, answer)| answer.ticket == ticket);
+        of_ticket
+            .next()
+            .map(|(_, answer)| (answer.report.outcome, answer.report.reason))
     }
 
     /// Passes `input` to `half`.
@@ -369,7 +431,9 @@ impl Pair {
     /// The drive's true output frequency in hundredths of a hertz, negative in reverse.
     pub fn output(&mut self, station: u8) -> i64 {
         let now = self.now;
-        self.bus.drive_mut(Station(station)).map_or(0, |drive| drive.output(now) / 10_000)
+        self.bus
+            .drive_mut(Station(station))
+            .map_or(0, |drive| drive.output(now) / 10_000)
     }
 
     /// Lets `time` pass.
@@ -396,11 +460,23 @@ impl Pair {
     pub fn step(&mut self, until: MonoTime) -> bool {
         let mut next = self.bus.next_due().unwrap_or(MonoTime::NEVER);
         for half in self.halves.iter().filter(|half| !half.is_suspended) {
-            let wake = half.core.as_ref().and_then(LineCore::next_wake).map(|wake| global(wake.at, half.drift_ppm));
+            let wake = half
+                .core
+                .as_ref()
+                .and_then(LineCore::next_wake)
+                .map(|wake| global(wake.at, half.drift_ppm));
             next = next.min(wake.unwrap_or(MonoTime::NEVER));
         }
-        next = self.held_back.iter().map(|(at, ..)| *at).fold(next, MonoTime::min);
-        next = self.on_wire.iter().map(|it| it.end).fold(next, MonoTime::min);
+        next = self
+            .held_back
+            .iter()
+            .map(|(at, ..)| *at)
+            .fold(next, MonoTime::min);
+        next = self
+            .on_wire
+            .iter()
+            .map(|it| it.end)
+            .fold(next, MonoTime::min);
         next = self.jam.as_ref().map_or(next, |jam| next.min(jam.next_at));
         if next > until {
             self.now = until;
@@ -423,7 +499,13 @@ impl Pair {
     /// Frames of gateways whose last character is out reach the drives and the other gateways.
     fn end_frames(&mut self) {
         while let Some(place) = self.on_wire.iter().position(|it| it.end <= self.now) {
-            let OnWire { half, place, mut frame, is_damaged, .. } = self.on_wire.swap_remove(place);
+            let OnWire {
+                half,
+                place,
+                mut frame,
+                is_damaged,
+                ..
+            } = self.on_wire.swap_remove(place);
             if is_damaged {
                 frame.iter_mut().for_each(|byte| *byte ^= 0x55);
             }
@@ -439,13 +521,19 @@ impl Pair {
                 self.bus.receive(self.now, &frame);
             }
             for other in 0..self.halves.len() {
-                let hears = other != half && !self.is_cut || other == half && self.halves[half].echoes;
+                let hears =
+                    other != half && !self.is_cut || other == half && self.halves[half].echoes;
                 if hears && !self.is_lost(other) {
                     let hole = self.halves[other].hole;
-                    let (now, later) = frame.split_at(if hole.is_zero() { frame.len() } else { frame.len() / 2 });
+                    let (now, later) = frame.split_at(if hole.is_zero() {
+                        frame.len()
+                    } else {
+                        frame.len() / 2
+                    });
                     self.deliver(other, now);
                     if !later.is_empty() {
-                        self.held_back.push((self.now + hole, other, later.to_vec()));
+                        self.held_back
+                            .push((self.now + hole, other, later.to_vec()));
                     }
                 }
             }
@@ -454,7 +542,8 @@ impl Pair {
 
     fn take_replies(&mut self) {
         let mut replies = Vec::new();
-        self.bus.take_due(self.now, |_, bytes| replies.extend_from_slice(bytes));
+        self.bus
+            .take_due(self.now, |_, bytes| replies.extend_from_slice(bytes));
         if replies.is_empty() || self.drives_are_cut {
             return;
         }
@@ -481,7 +570,11 @@ impl Pair {
         let bytes = heard.as_slice();
         let it = &mut self.halves[half];
         // An adapter delivers in order.
-        if let Some((_, _, held)) = self.held_back.iter_mut().find(|(at, to, _)| *to == half && *at > self.now) {
+        if let Some((_, _, held)) = self
+            .held_back
+            .iter_mut()
+            .find(|(at, to, _)| *to == half && *at > self.now)
+        {
             return held.extend_from_slice(bytes);
         }
         if it.is_suspended {
@@ -501,7 +594,11 @@ impl Pair {
         if let Some(core) = &mut self.halves[half].core {
             core.handle(now, Input::Time);
         }
-        while let Some(effect) = self.halves[half].core.as_mut().and_then(LineCore::next_effect) {
+        while let Some(effect) = self.halves[half]
+            .core
+            .as_mut()
+            .and_then(LineCore::next_effect)
+        {
             let it = &mut self.halves[half];
             match effect {
                 Effect::Transmit(frame) => {
@@ -535,16 +632,30 @@ impl Pair {
     }
 
     fn puts_out(&mut self, half: usize, frame: Vec<u8>) {
-        let (_, pdu) = framing::decode(self.timing.framing, &frame).expect("only sound frames are sent");
+        let (_, pdu) =
+            framing::decode(self.timing.framing, &frame).expect("only sound frames are sent");
         let end = self.now + self.timing.on_wire(frame.len());
         if !self.keeps_sent && self.sent.len() > 64 && self.on_wire.is_empty() {
             self.sent.drain(..32);
         }
         let is_lost = self.halves[half].is_mute;
         let is_damaged = !is_lost && self.meets_another();
-        self.sent.push(Sent { at: self.now, end, half, pdu: pdu.into_owned(), is_damaged, is_lost });
+        self.sent.push(Sent {
+            at: self.now,
+            end,
+            half,
+            pdu: pdu.into_owned(),
+            is_damaged,
+            is_lost,
+        });
         if !is_lost {
-            self.on_wire.push(OnWire { half, place: self.sent.len() - 1, end, frame, is_damaged });
+            self.on_wire.push(OnWire {
+                half,
+                place: self.sent.len() - 1,
+                end,
+                frame,
+                is_damaged,
+            });
         }
     }
 
@@ -552,7 +663,13 @@ impl Pair {
     pub fn sends_foreign(&mut self, frame: Vec<u8>) {
         let end = self.now + self.timing.on_wire(frame.len());
         let is_damaged = self.meets_another();
-        self.on_wire.push(OnWire { half: FOREIGN, place: FOREIGN, end, frame, is_damaged });
+        self.on_wire.push(OnWire {
+            half: FOREIGN,
+            place: FOREIGN,
+            end,
+            frame,
+            is_damaged,
+        });
     }
 
     /// A transmission begins. Returns whether another one is on the line, which is damaged by it.
@@ -564,7 +681,9 @@ impl Pair {
 
     /// Lets the jam babble up to now.
     fn babble(&mut self) {
-        let Some(mut jam) = self.jam.take() else { return };
+        let Some(mut jam) = self.jam.take() else {
+            return;
+        };
         if jam.next_at <= self.now {
             let (count, random) = (jam.count(self.random_below(6)), self.random_below(u64::MAX));
             let bytes = random.to_be_bytes();
@@ -579,11 +698,17 @@ impl Pair {
     fn spoil(&mut self, bytes: &mut Vec<u8>, is_off_speed: bool, wrong: u64) {
         if is_off_speed {
             let count = bytes.len().div_ceil(2);
-            *bytes = (0..count).map(|_| u8::try_from(self.random_below(256)).unwrap_or_default()).collect();
+            *bytes = (0..count)
+                .map(|_| u8::try_from(self.random_below(256)).unwrap_or_default())
+                .collect();
         }
         if wrong > 0 {
             for byte in bytes {
-                *byte ^= if self.random_below(1000) < wrong { 0x24 } else { 0 };
+                *byte ^= if self.random_below(1000) < wrong {
+                    0x24
+                } else {
+                    0
+                };
             }
         }
     }
@@ -610,7 +735,9 @@ fn global(at: MonoTime, drift_ppm: i64) -> MonoTime {
     if at == MonoTime::NEVER {
         return at;
     }
-    MonoTime::from_nanos(scaled(at.as_nanos(), 1_000_000, 1_000_000 + drift_ppm) + u64::from(drift_ppm != 0))
+    MonoTime::from_nanos(
+        scaled(at.as_nanos(), 1_000_000, 1_000_000 + drift_ppm) + u64::from(drift_ppm != 0),
+    )
 }
 
 fn scaled(nanos: u64, times: i64, by: i64) -> u64 {

@@ -30,8 +30,12 @@ pub struct Row<'s>(&'s Table);
 /// All sheets, in the order of their names.
 pub fn sheets() -> Vec<Sheet> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/sheets");
-    let paths = std::fs::read_dir(dir).expect("the sheets").map(|entry| entry.expect("an entry").path());
-    let mut paths: Vec<_> = paths.filter(|path| path.extension().is_some_and(|it| it == "toml")).collect();
+    let paths = std::fs::read_dir(dir)
+        .expect("the sheets")
+        .map(|entry| entry.expect("an entry").path());
+    let mut paths: Vec<_> = paths
+        .filter(|path| path.extension().is_some_and(|it| it == "toml"))
+        .collect();
     paths.sort();
     paths.iter().map(|path| Sheet::read(path)).collect()
 }
@@ -41,17 +45,33 @@ impl Sheet {
         let name = path.display();
         let text = std::fs::read_to_string(path).expect("a text");
         let table: Table = text.parse().unwrap_or_else(|why| panic!("{name}: {why}"));
-        let id = table.get("id").and_then(Value::as_str).unwrap_or_default().to_owned();
-        assert_eq!(path.file_stem().and_then(|it| it.to_str()), Some(id.as_str()), "{name} is named after its model");
+        let id = table
+            .get("id")
+            .and_then(Value::as_str)
+            .unwrap_or_default()
+            .to_owned();
+        assert_eq!(
+            path.file_stem().and_then(|it| it.to_str()),
+            Some(id.as_str()),
+            "{name} is named after its model"
+        );
         let sheet = Self { id, table };
         for key in sheet.table.keys().filter(|key| *key != "id") {
-            assert!(ROWS.iter().any(|(kind, ..)| kind == key), "{name}: unknown table `{key}`");
+            assert!(
+                ROWS.iter().any(|(kind, ..)| kind == key),
+                "{name}: unknown table `{key}`"
+            );
         }
         for (kind, required, keys) in ROWS {
             for row in sheet.rows(kind) {
                 let unknown = row.0.keys().find(|key| !keys.contains(&key.as_str()));
-                let missing = keys[..required].iter().find(|key| !row.0.contains_key(**key));
-                assert!(unknown.is_none() && missing.is_none(), "{name}: {kind}: {unknown:?} {missing:?}");
+                let missing = keys[..required]
+                    .iter()
+                    .find(|key| !row.0.contains_key(**key));
+                assert!(
+                    unknown.is_none() && missing.is_none(),
+                    "{name}: {kind}: {unknown:?} {missing:?}"
+                );
             }
         }
         sheet
@@ -60,7 +80,9 @@ impl Sheet {
     /// The rows of one kind.
     pub fn rows(&self, kind: &str) -> impl Iterator<Item = Row<'_>> {
         let rows = self.table.get(kind).and_then(Value::as_array);
-        rows.into_iter().flatten().map(|row| Row(row.as_table().expect("a table")))
+        rows.into_iter()
+            .flatten()
+            .map(|row| Row(row.as_table().expect("a table")))
     }
 }
 
@@ -82,7 +104,9 @@ impl<'s> Row<'s> {
 
     /// A switch, if there is one.
     pub fn switch(self, key: &str) -> Option<bool> {
-        self.0.get(key).map(|it| it.as_bool().expect("true or false"))
+        self.0
+            .get(key)
+            .map(|it| it.as_bool().expect("true or false"))
     }
 
     /// How a number with a sign is encoded: in two's complement or without a sign, both for `signed = "not stated"`; nothing if
@@ -99,7 +123,10 @@ impl<'s> Row<'s> {
     /// A list of texts; empty if there is none.
     pub fn list(self, key: &str) -> Vec<&'s str> {
         let all = self.0.get(key).map(|it| it.as_array().expect("a list"));
-        all.into_iter().flatten().map(|it| it.as_str().expect("a text")).collect()
+        all.into_iter()
+            .flatten()
+            .map(|it| it.as_str().expect("a text"))
+            .collect()
     }
 }
 
@@ -113,16 +140,27 @@ impl std::fmt::Display for Row<'_> {
 /// indented lines with the reason.
 pub fn open_rows(text: &str) -> Vec<(&str, String)> {
     let mut rows: Vec<(&str, String)> = Vec::new();
-    for line in text.lines().filter(|line| !line.trim().is_empty() && !line.starts_with('#')) {
+    for line in text
+        .lines()
+        .filter(|line| !line.trim().is_empty() && !line.starts_with('#'))
+    {
         match (line.strip_prefix("    "), rows.last_mut()) {
-            (Some(reason), Some((_, reasons))) => *reasons = format!("{reasons} {}", reason.trim()).trim().to_owned(),
+            (Some(reason), Some((_, reasons))) => {
+                *reasons = format!("{reasons} {}", reason.trim()).trim().to_owned()
+            }
             (Some(reason), None) => panic!("a reason without a row: {reason}"),
             (None, _) => rows.push((line, String::new())),
         }
     }
     for (at, (row, reason)) in rows.iter().enumerate() {
-        assert!(reason.split_whitespace().count() > 3, "open.txt has no reason below this row:\n{row}");
-        assert!(rows[..at].iter().all(|(other, _)| other != row), "open.txt has this row twice:\n{row}");
+        assert!(
+            reason.split_whitespace().count() > 3,
+            "open.txt has no reason below this row:\n{row}"
+        );
+        assert!(
+            rows[..at].iter().all(|(other, _)| other != row),
+            "open.txt has this row twice:\n{row}"
+        );
     }
     rows
 }
@@ -130,14 +168,22 @@ pub fn open_rows(text: &str) -> Vec<(&str, String)> {
 /// Table, address and words, as in `holding 2000 0012`.
 pub fn place(text: &str) -> (Address, Vec<u16>) {
     let mut parts = text.split_whitespace();
-    let table = parts.next().and_then(|word| address::Table::ALL.into_iter().find(|it| it.word() == word));
+    let table = parts
+        .next()
+        .and_then(|word| address::Table::ALL.into_iter().find(|it| it.word() == word));
     let table = table.unwrap_or_else(|| panic!("no table in `{text}`"));
-    let numbers: Vec<_> = parts.map(|it| u16::from_str_radix(it, 16).expect("hexadecimal")).collect();
-    let (number, words) = numbers.split_first().unwrap_or_else(|| panic!("no address in `{text}`"));
+    let numbers: Vec<_> = parts
+        .map(|it| u16::from_str_radix(it, 16).expect("hexadecimal"))
+        .collect();
+    let (number, words) = numbers
+        .split_first()
+        .unwrap_or_else(|| panic!("no address in `{text}`"));
     (Address::new(table, *number), words.to_vec())
 }
 
 /// Bytes as in `01 06 20 00`.
 pub fn bytes(text: &str) -> Vec<u8> {
-    text.split_whitespace().map(|it| u8::from_str_radix(it, 16).expect("hexadecimal")).collect()
+    text.split_whitespace()
+        .map(|it| u8::from_str_radix(it, 16).expect("hexadecimal"))
+        .collect()
 }

@@ -60,9 +60,14 @@ enum End {
 pub fn capture(args: &Args) -> Result<(), Failure> {
     let socket = args.place.path()?;
     if is_stdout(&args.out) && io::stdout().is_terminal() {
-        return Err(Failure::wrong("--out -: a capture is binary; pipe it into a program"));
+        return Err(Failure::wrong(
+            "--out -: a capture is binary; pipe it into a program",
+        ));
     }
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         let told = pin!(told_to_end().map_err(Failure::failed)?);
         let at = |reason| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
@@ -70,7 +75,12 @@ pub fn capture(args: &Args) -> Result<(), Failure> {
             Some(line) => line.clone(),
             None => only_line(&socket).await?,
         };
-        let mut source = Source { socket: &socket, line: &line, seen: None, watching: None };
+        let mut source = Source {
+            socket: &socket,
+            line: &line,
+            seen: None,
+            watching: None,
+        };
         let header = source.header().await.map_err(at)?;
         let mut capture = Capture::new(args, &header)?;
         let end = tokio::select! {
@@ -82,7 +92,11 @@ pub fn capture(args: &Args) -> Result<(), Failure> {
         match end? {
             End::Wanted => Ok(()),
             End::Lost(reason) => {
-                let kept = format!("{} frames until then are in {}", capture.frames, capture.place());
+                let kept = format!(
+                    "{} frames until then are in {}",
+                    capture.frames,
+                    capture.place()
+                );
                 Err(at(format!("{reason}; {kept}")))
             }
         }
@@ -103,13 +117,21 @@ async fn time_is_up(seconds: Option<u64>) {
 /// The line of a gateway that has only one.
 async fn only_line(socket: &Path) -> Result<String, Failure> {
     let at = |reason: &str| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
-    let (_, health) =
-        socket::ask(socket, Question::look("/api/v1/health"), PATIENCE).await.map_err(|reason| at(&reason))?;
-    let lines = health["lines"].as_array().into_iter().flatten().filter_map(|line| line["name"].as_str());
+    let (_, health) = socket::ask(socket, Question::look("/api/v1/health"), PATIENCE)
+        .await
+        .map_err(|reason| at(&reason))?;
+    let lines = health["lines"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|line| line["name"].as_str());
     match lines.collect::<Vec<_>>()[..] {
         [line] => Ok(line.to_owned()),
         [] => Err(at("has no line")),
-        ref lines => Err(Failure::wrong(format!("--line is needed, one of: {}", lines.join(", ")))),
+        ref lines => Err(Failure::wrong(format!(
+            "--line is needed, one of: {}",
+            lines.join(", ")
+        ))),
     }
 }
 
@@ -138,12 +160,16 @@ impl Source<'_> {
         loop {
             let watching = match &mut self.watching {
                 Some(watching) => watching,
-                None => self.watching.insert(Watching::begin(self.socket, self.line, self.seen.as_deref()).await?),
+                None => self
+                    .watching
+                    .insert(Watching::begin(self.socket, self.line, self.seen.as_deref()).await?),
             };
             let event = watching.next().await?;
             match &event {
                 Some(event) if event.name == "again" => self.watching = None,
-                Some(sse::Event { id: id @ Some(_), .. }) => {
+                Some(sse::Event {
+                    id: id @ Some(_), ..
+                }) => {
                     self.seen.clone_from(id);
                     return Ok(event);
                 }
@@ -173,7 +199,9 @@ impl<'a> Capture<'a> {
             Box::new(io::stdout())
         } else {
             let file = File::create(&args.out);
-            Box::new(file.map_err(|error| Failure::failed(format!("{}: {error}", args.out.display())))?)
+            Box::new(
+                file.map_err(|error| Failure::failed(format!("{}: {error}", args.out.display())))?,
+            )
         };
         let now = clock::now();
         let mut capture = Self {
@@ -222,7 +250,9 @@ impl<'a> Capture<'a> {
     fn frame(&mut self, data: &str) -> Result<bool, Failure> {
         let frame = serde_json::from_str(data).ok();
         let Some(told) = frame.and_then(|frame| PacketFrame::of(&frame, self.framing)) else {
-            return Err(Failure::failed("the gateway's answer cannot be parsed; it may be another version"));
+            return Err(Failure::failed(
+                "the gateway's answer cannot be parsed; it may be another version",
+            ));
         };
         let dropped = std::mem::take(&mut self.dropped);
         let is_read = self.put(&pcapng::packet(&told.packet(dropped)))?;
@@ -234,18 +264,30 @@ impl<'a> Capture<'a> {
     fn put(&mut self, block: &[u8]) -> Result<bool, Failure> {
         match self.out.write_all(block).and_then(|()| self.out.flush()) {
             Ok(()) => Ok(true),
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe && is_stdout(&self.args.out) => Ok(false),
+            Err(error)
+                if error.kind() == io::ErrorKind::BrokenPipe && is_stdout(&self.args.out) =>
+            {
+                Ok(false)
+            }
             Err(error) => Err(Failure::failed(format!("{}: {error}", self.place()))),
         }
     }
 
     fn place(&self) -> String {
-        if is_stdout(&self.args.out) { "stdout".to_owned() } else { self.args.out.display().to_string() }
+        if is_stdout(&self.args.out) {
+            "stdout".to_owned()
+        } else {
+            self.args.out.display().to_string()
+        }
     }
 
     fn summary(&self) -> String {
         let seconds = clock::now().since(self.begun).as_secs_f64();
-        let lost = if self.lost == 0 { String::new() } else { format!(", {} lost", self.lost) };
+        let lost = if self.lost == 0 {
+            String::new()
+        } else {
+            format!(", {} lost", self.lost)
+        };
         format!("{} frames{lost} in {seconds:.1} s", self.frames)
     }
 
@@ -260,6 +302,13 @@ impl<'a> Capture<'a> {
 
     fn finish(&self) {
         let begin = if self.shows { "\r" } else { "" };
-        complain(format!("{begin}{} into {}          \n", self.summary(), self.place()).as_bytes());
+        complain(
+            format!(
+                "{begin}{} into {}          \n",
+                self.summary(),
+                self.place()
+            )
+            .as_bytes(),
+        );
     }
 }

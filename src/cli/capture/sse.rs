@@ -29,8 +29,13 @@ impl Cutter {
     pub fn push(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.bytes.drain(..std::mem::take(&mut self.at));
         self.bytes.extend_from_slice(bytes);
-        let is_too_long = self.bytes.len() > EVENT_BYTES_MAX && !self.bytes.windows(2).any(|pair| pair == b"\n\n");
-        if is_too_long { Err("the gateway sent an event that is too long".to_owned()) } else { Ok(()) }
+        let is_too_long = self.bytes.len() > EVENT_BYTES_MAX
+            && !self.bytes.windows(2).any(|pair| pair == b"\n\n");
+        if is_too_long {
+            Err("the gateway sent an event that is too long".to_owned())
+        } else {
+            Ok(())
+        }
     }
 
     /// The next whole event.
@@ -70,8 +75,7 @@ mod tests {
 
     #[test]
     fn events_are_found_however_the_bytes_are_cut() {
-        let text =
-            "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 0.7\nevent: frame\ndata: {}\n\n";
+        let text = "retry: 500\nevent: begin\ndata: {\"line\":\"a\"}\n\n: a remark\n\nid: 0.7\nevent: frame\ndata: {}\n\n";
         for size in 1..text.len() {
             let mut cutter = Cutter::default();
             let mut events = Vec::new();
@@ -84,7 +88,14 @@ mod tests {
                 id: id.map(str::to_owned),
                 data: data.to_owned(),
             };
-            assert_eq!(events, [event("begin", None, "{\"line\":\"a\"}"), event("frame", Some("0.7"), "{}")], "{size}");
+            assert_eq!(
+                events,
+                [
+                    event("begin", None, "{\"line\":\"a\"}"),
+                    event("frame", Some("0.7"), "{}")
+                ],
+                "{size}"
+            );
         }
     }
 

@@ -46,9 +46,15 @@ impl Watching {
             if let Some(event) = self.cutter.next() {
                 return Ok(Some(event));
             }
-            let frame = timeout(PATIENCE, poll_fn(|cx| Pin::new(&mut self.body).poll_frame(cx))).await;
+            let frame = timeout(
+                PATIENCE,
+                poll_fn(|cx| Pin::new(&mut self.body).poll_frame(cx)),
+            )
+            .await;
             match frame.map_err(|_| silent())? {
-                Some(Ok(frame)) => self.cutter.push(frame.data_ref().map_or(&[], |bytes| bytes))?,
+                Some(Ok(frame)) => self
+                    .cutter
+                    .push(frame.data_ref().map_or(&[], |bytes| bytes))?,
                 Some(Err(_)) | None => return Ok(None),
             }
         }
@@ -57,23 +63,40 @@ impl Watching {
 
 async fn ask(socket: &Path, line: &str, after: Option<&str>) -> Result<Watching, String> {
     let stream = UnixStream::connect(socket).await.map_err(unreachable)?;
-    let (mut sender, connection) = http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())?;
+    let (mut sender, connection) = http1::handshake(TokioIo::new(stream))
+        .await
+        .map_err(|error| error.to_string())?;
     tokio::spawn(connection);
-    let mut request = Request::builder().uri(format!("/api/v1/lines/{line}/traffic")).header(header::HOST, "localhost");
+    let mut request = Request::builder()
+        .uri(format!("/api/v1/lines/{line}/traffic"))
+        .header(header::HOST, "localhost");
     if let Some(after) = after {
         request = request.header("last-event-id", after);
     }
-    let request = request.body(Body::empty()).map_err(|error| error.to_string())?;
-    let response = sender.send_request(request).await.map_err(|error| error.to_string())?;
+    let request = request
+        .body(Body::empty())
+        .map_err(|error| error.to_string())?;
+    let response = sender
+        .send_request(request)
+        .await
+        .map_err(|error| error.to_string())?;
     let status = response.status();
     let body = response.into_body();
     if status.is_success() {
-        return Ok(Watching { body, cutter: Cutter::default() });
+        return Ok(Watching {
+            body,
+            cutter: Cutter::default(),
+        });
     }
     let refusal = to_bytes(Body::new(body), REFUSAL_BYTES_MAX).await.ok();
     let refusal = refusal.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
-    let reason = refusal.as_ref().and_then(|refusal| refusal["error"].as_str());
-    Err(reason.map_or_else(|| format!("it answers {status}; is it an older version?"), str::to_owned))
+    let reason = refusal
+        .as_ref()
+        .and_then(|refusal| refusal["error"].as_str());
+    Err(reason.map_or_else(
+        || format!("it answers {status}; is it an older version?"),
+        str::to_owned,
+    ))
 }
 
 fn silent() -> String {

@@ -24,12 +24,22 @@ pub(super) fn describe(
     budget: &Budget,
     mqtt: Option<&MqttSettings>,
 ) -> Result {
-    let (Some(drive), Some(reads)) = (line.drives.get(place), budget.stations.get(place)) else { return Ok(()) };
+    let (Some(drive), Some(reads)) = (line.drives.get(place), budget.stations.get(place)) else {
+        return Ok(());
+    };
     let name = &drive.name;
     let model = &drive.model;
-    let access = if drive.control.is_some() { "controlled" } else { "read-only" };
+    let access = if drive.control.is_some() {
+        "controlled"
+    } else {
+        "read-only"
+    };
     let units = format!("unit {}, uniform unit {}", drive.unit, drive.uniform_unit);
-    writeln!(text, "  drive {name}: {}, station {}, {units}, {access}", model.id, drive.station)?;
+    writeln!(
+        text,
+        "  drive {name}: {}, station {}, {units}, {access}",
+        model.id, drive.station
+    )?;
     polls(text, drive, budget, reads)?;
     lateness(text, line, drive)?;
     for (what, key) in shown_in_per_cent(model, &drive.ratings) {
@@ -55,7 +65,11 @@ fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Re
     let timeouts = line_plan::reply_timeouts(drive);
     let [read, write, stored] = Class::ALL.map(|class| timeouts.of(class));
     let all_same = read == write && read == stored;
-    let waits = if all_same { ms(read) } else { format!("{} (stored writes {})", ms(read.max(write)), ms(stored)) };
+    let waits = if all_same {
+        ms(read)
+    } else {
+        format!("{} (stored writes {})", ms(read.max(write)), ms(stored))
+    };
     if line.framing.identifies_replies() {
         writeln!(
             text,
@@ -63,18 +77,37 @@ fn lateness(text: &mut String, line: &LineSettings, drive: &DriveSettings) -> Re
         )?;
         return writeln!(text, "    a late one is mistaken for no other");
     }
-    let learned = if timeouts.learns { ", shorter once its reply times are known" } else { "" };
+    let learned = if timeouts.learns {
+        ", shorter once its reply times are known"
+    } else {
+        ""
+    };
     writeln!(text, "    a reply is waited for up to {waits}{learned}")?;
     let late = ms(drive.max_lateness);
     if drive.model.barriers.is_empty() {
         let longest = read.max(write).max(stored) + drive.max_lateness;
-        writeln!(text, "    it may come {late} later, and no barrier settles that: a drive that misses one is left")?;
-        return writeln!(text, "    alone for so long, and a stop for it is confirmed up to {} later", ms(longest));
+        writeln!(
+            text,
+            "    it may come {late} later, and no barrier settles that: a drive that misses one is left"
+        )?;
+        return writeln!(
+            text,
+            "    alone for so long, and a stop for it is confirmed up to {} later",
+            ms(longest)
+        );
     }
-    writeln!(text, "    it may come {late} later; a barrier settles that sooner")
+    writeln!(
+        text,
+        "    it may come {late} later; a barrier settles that sooner"
+    )
 }
 
-fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget, reads: &[PlannedRead]) -> Result {
+fn polls(
+    text: &mut String,
+    drive: &DriveSettings,
+    budget: &Budget,
+    reads: &[PlannedRead],
+) -> Result {
     for read in reads {
         let group = read.group;
         let period = read.period.mul_f64(budget.stretch);
@@ -97,15 +130,27 @@ fn polls(text: &mut String, drive: &DriveSettings, budget: &Budget, reads: &[Pla
     Ok(())
 }
 
-fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: Option<&MqttSettings>) -> Result {
+fn commands(
+    text: &mut String,
+    control: &ControlSettings,
+    model: &Model,
+    mqtt: Option<&MqttSettings>,
+) -> Result {
     let ways = [
         (control.from_mqtt, "mqtt"),
         (control.from_modbus_tcp, "modbus-tcp"),
         (control.from_page, "page"),
         (control.from_sparkplug, "sparkplug"),
     ];
-    let ways: Vec<_> = ways.into_iter().filter_map(|(is_there, way)| is_there.then_some(way)).collect();
-    let directions: Vec<_> = control.directions.iter().map(|it| word_for(&DIRECTIONS, it)).collect();
+    let ways: Vec<_> = ways
+        .into_iter()
+        .filter_map(|(is_there, way)| is_there.then_some(way))
+        .collect();
+    let directions: Vec<_> = control
+        .directions
+        .iter()
+        .map(|it| word_for(&DIRECTIONS, it))
+        .collect();
     let lost_after = duration_text(control.lost_after);
     writeln!(
         text,
@@ -124,7 +169,12 @@ fn commands(text: &mut String, control: &ControlSettings, model: &Model, mqtt: O
         control.on_commander_lost.word(),
         control.on_shutdown.word(),
         control.on_output_outside.word(),
-        control.on_gateway_lost.map_or_else(String::new, |lost| format!("; other gateway lost: {}", lost.word()))
+        control
+            .on_gateway_lost
+            .map_or_else(String::new, |lost| format!(
+                "; other gateway lost: {}",
+                lost.word()
+            ))
     )?;
     capabilities(text, control, model)?;
     start(text, model)?;
@@ -139,7 +189,10 @@ fn start(text: &mut String, model: &Model) -> Result {
     let pauses = model.reset_waits();
     if !pauses.is_zero() {
         let pauses = duration_text(pauses);
-        writeln!(text, "    pauses between the words of a reset: {pauses}; a stop does not wait for them")?;
+        writeln!(
+            text,
+            "    pauses between the words of a reset: {pauses}; a stop does not wait for them"
+        )?;
     }
     let count = model.start_steps().len();
     if count == 0 {
@@ -158,11 +211,23 @@ fn ownership(text: &mut String, control: &ControlSettings) -> Result {
         Ownership::One => "one commander at a time",
         Ownership::Any => "any permitted client; the one that commanded last holds control",
     };
-    let take = if control.allow_take { ", and it may be taken over" } else { "" };
+    let take = if control.allow_take {
+        ", and it may be taken over"
+    } else {
+        ""
+    };
     let lease = format!("; {} lease over mqtt", word_for(&LEASES, &control.lease));
-    writeln!(text, "    {who}{take}{}", if control.from_mqtt { &lease } else { "" })?;
+    writeln!(
+        text,
+        "    {who}{take}{}",
+        if control.from_mqtt { &lease } else { "" }
+    )?;
     if control.min_start_interval > Duration::ZERO {
-        writeln!(text, "    at least {} between two starts", duration_text(control.min_start_interval))?;
+        writeln!(
+            text,
+            "    at least {} between two starts",
+            duration_text(control.min_start_interval)
+        )?;
     }
     Ok(())
 }
@@ -172,12 +237,21 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     let orders = orders(model).unwrap_or_default();
     // Stop, frequency and forward are accepted under one word.
     let is_accepted = |word: &str| {
-        let word = if BASICS.contains(&word) { ControlAction::Basic.word() } else { word };
-        control.accept_unverified.iter().any(|action| action.word() == word)
+        let word = if BASICS.contains(&word) {
+            ControlAction::Basic.word()
+        } else {
+            word
+        };
+        control
+            .accept_unverified
+            .iter()
+            .any(|action| action.word() == word)
     };
     let is_wanted = |word: &str| match word {
         "release" => control.allow_release,
-        word => DIRECTIONS.iter().all(|(name, it)| *name != word || control.directions.contains(it)),
+        word => DIRECTIONS
+            .iter()
+            .all(|(name, it)| *name != word || control.directions.contains(it)),
     };
     let wanted = orders.into_iter().filter(|(word, _)| is_wanted(word));
     let (open, closed): (Vec<_>, Vec<_>) =
@@ -186,7 +260,10 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     writeln!(text, "    can be ordered: {}", list(&words))?;
     let site = &control.site.actions;
     let words = |is_site: bool| {
-        let those = control.accept_unverified.iter().filter(|action| site.contains(action) == is_site);
+        let those = control
+            .accept_unverified
+            .iter()
+            .filter(|action| site.contains(action) == is_site);
         those.map(|action| action.word()).collect::<Vec<_>>()
     };
     let accepted = words(false);
@@ -195,10 +272,17 @@ fn capabilities(text: &mut String, control: &ControlSettings, model: &Model) -> 
     }
     let qualified = words(true);
     if !qualified.is_empty() {
-        writeln!(text, "    unproven, and qualified at this drive (site): {}", list(&qualified))?;
+        writeln!(
+            text,
+            "    unproven, and qualified at this drive (site): {}",
+            list(&qualified)
+        )?;
     }
     if !closed.is_empty() {
-        let closed: Vec<_> = closed.iter().map(|(word, sure)| format!("{word} ({})", sure.word())).collect();
+        let closed: Vec<_> = closed
+            .iter()
+            .map(|(word, sure)| format!("{word} ({})", sure.word()))
+            .collect();
         writeln!(text, "    unproven and refused: {}", list(&closed))?;
     }
     Ok(())
@@ -209,8 +293,18 @@ fn native(text: &mut String, control: &ControlSettings, model: &Model) -> Result
         return Ok(());
     }
     writeln!(text, "    native registers that may be written:")?;
-    for listed in control.native_write.iter().filter_map(|address| listed(model, *address)) {
-        writeln!(text, "      {} (0x{:04X}): {}", listed.register.name, listed.address, memory(listed))?;
+    for listed in control
+        .native_write
+        .iter()
+        .filter_map(|address| listed(model, *address))
+    {
+        writeln!(
+            text,
+            "      {} (0x{:04X}): {}",
+            listed.register.name,
+            listed.address,
+            memory(listed)
+        )?;
     }
     Ok(())
 }
@@ -219,7 +313,9 @@ fn memory(listed: Listed<'_>) -> &'static str {
     let is_itself = listed.register.address == listed.address;
     match (listed.twin_of, listed.register.memory) {
         (None, _) if !is_itself => "in RAM",
-        (Some(_), _) | (None, Some(Memory::Stored)) => "stored, in a memory that endures a limited number of writes",
+        (Some(_), _) | (None, Some(Memory::Stored)) => {
+            "stored, in a memory that endures a limited number of writes"
+        }
         (None, Some(Memory::Ram)) => "in RAM",
         (None, None) => "not known to be RAM: treated as stored",
     }
@@ -230,10 +326,19 @@ fn wired(text: &mut String, bus: BusFunctions) -> Result {
     match bus {
         BusFunctions::Both => Ok(()),
         BusFunctions::Frequency => {
-            writeln!(text, "    only the setpoint comes over the bus: the drive is started and stopped elsewhere,")?;
-            writeln!(text, "    and a STOP that is sent may have no effect (`not_effective` then)")
+            writeln!(
+                text,
+                "    only the setpoint comes over the bus: the drive is started and stopped elsewhere,"
+            )?;
+            writeln!(
+                text,
+                "    and a STOP that is sent may have no effect (`not_effective` then)"
+            )
         }
-        BusFunctions::Run => writeln!(text, "    only run commands come over the bus: the speed is set elsewhere"),
+        BusFunctions::Run => writeln!(
+            text,
+            "    only run commands come over the bus: the speed is set elsewhere"
+        ),
     }
 }
 
@@ -245,7 +350,11 @@ pub(super) fn settings<'m>(
 ) -> impl Iterator<Item = &'m SetupItem> {
     let interface = line.interface;
     let is_of_line = move |item: &&SetupItem| item.interface.is_none_or(|it| it == interface);
-    model.setup.iter().filter(is_of_line).filter(move |item| item.concerns(model, bus))
+    model
+        .setup
+        .iter()
+        .filter(is_of_line)
+        .filter(move |item| item.concerns(model, bus))
 }
 
 fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunctions) -> Result {
@@ -256,7 +365,12 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunction
     for item in items {
         let place = item.address.map_or_else(
             || "at the drive itself".to_owned(),
-            |address| format!("{address} = {}", item.values.value.first().copied().unwrap_or_default()),
+            |address| {
+                format!(
+                    "{address} = {}",
+                    item.values.value.first().copied().unwrap_or_default()
+                )
+            },
         );
         writeln!(text, "      {}: {} ({place})", item.what, item.text)?;
     }
@@ -264,15 +378,30 @@ fn setup(text: &mut String, model: &Model, line: &LineSettings, bus: BusFunction
 }
 
 /// The least request rate of the drive, its watchdog and the lease, in relation to each other.
-fn watchdog_chain(text: &mut String, line: &LineSettings, drive: &DriveSettings, gap: Duration) -> Result {
-    let Some(control) = &drive.control else { return Ok(()) };
-    writeln!(text, "    its frames are at most {} apart while it answers; its own watchdog, where it", ms(gap))?;
+fn watchdog_chain(
+    text: &mut String,
+    line: &LineSettings,
+    drive: &DriveSettings,
+    gap: Duration,
+) -> Result {
+    let Some(control) = &drive.control else {
+        return Ok(());
+    };
+    writeln!(
+        text,
+        "    its frames are at most {} apart while it answers; its own watchdog, where it",
+        ms(gap)
+    )?;
     writeln!(text, "    is used, needs more than {}", ms(gap * 2))?;
     let lost_after = duration_text(control.lost_after);
     let confirm = duration_text(control.failsafe_confirm_timeout);
     if let Some(time) = control.watchdog {
         let time = duration_text(time);
-        writeln!(text, "    twice {} < watchdog {time} <= lease {lost_after}", ms(gap))?;
+        writeln!(
+            text,
+            "    twice {} < watchdog {time} <= lease {lost_after}",
+            ms(gap)
+        )?;
     }
     if control.require_watchdog {
         writeln!(
@@ -283,14 +412,23 @@ fn watchdog_chain(text: &mut String, line: &LineSettings, drive: &DriveSettings,
         )?;
     }
     if drive.model.watchdog_is_proven() {
-        writeln!(text, "    a declared stop without effect for {confirm} is left to its watchdog, if that is on")?;
+        writeln!(
+            text,
+            "    a declared stop without effect for {confirm} is left to its watchdog, if that is on"
+        )?;
     }
     if let Some(warning) = feeds_watchdog(&drive.model, control) {
         writeln!(text, "    warning: {warning}")?;
     }
-    match (trips_first(line, drive), control.watchdog.and(line.standby.as_ref())) {
+    match (
+        trips_first(line, drive),
+        control.watchdog.and(line.standby.as_ref()),
+    ) {
         (Some(warning), _) => writeln!(text, "    warning: {warning}"),
-        (None, Some(_)) => writeln!(text, "    its own watchdog does not act before the line is taken over"),
+        (None, Some(_)) => writeln!(
+            text,
+            "    its own watchdog does not act before the line is taken over"
+        ),
         (None, None) => Ok(()),
     }
 }
@@ -298,10 +436,17 @@ fn watchdog_chain(text: &mut String, line: &LineSettings, drive: &DriveSettings,
 fn watchdog_of(text: &mut String, watchdog: &Watchdog, model: &Model) -> Result {
     let called = |address: Address| {
         let register = model.register_at(address);
-        let name = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
+        let name = register.map_or("-", |register| {
+            register.code.as_deref().unwrap_or(&register.name)
+        });
         format!("{name} ({address})")
     };
-    write!(text, "    the drive's own watchdog: {}, {} is off", called(watchdog.time), watchdog.off.value)?;
+    write!(
+        text,
+        "    the drive's own watchdog: {}, {} is off",
+        called(watchdog.time),
+        watchdog.off.value
+    )?;
     match watchdog.action {
         Some(action) => writeln!(text, "; what it does then: {}", called(action)),
         None => writeln!(text),
@@ -345,11 +490,12 @@ write = ["127.0.0.1/32"]
 
     #[test]
     fn a_start_in_several_words_is_reported_with_its_bound() {
-        let model = crate::profile::check::model(include_str!("../../../tests/golden/models/start.toml")).unwrap();
+        let model =
+            crate::profile::check::model(include_str!("../../../tests/golden/models/start.toml"))
+                .unwrap();
         let mut text = String::new();
         start(&mut text, &model).unwrap();
-        let expected =
-            "    writes before the run word: 2, at most 4100ms for the drive to follow them; a stop is one frame\n";
+        let expected = "    writes before the run word: 2, at most 4100ms for the drive to follow them; a stop is one frame\n";
         assert_eq!(text, expected);
     }
 
@@ -381,17 +527,27 @@ write = ["127.0.0.1/32"]
 ";
         let found = said(CONFIGURATION);
         assert!(found.contains(expected), "{found}");
-        assert!(found.contains("every 3600 s a read of 0x3009 x1 (firmware)"), "{found}");
+        assert!(
+            found.contains("every 3600 s a read of 0x3009 x1 (firmware)"),
+            "{found}"
+        );
 
         let rs232 = said(&CONFIGURATION.replace("port =", "interface = \"rs232\"\nport ="));
-        assert!(rs232.contains("      S1: the switch beside the plug: up (at the drive itself)\n"), "{rs232}");
-        let rated = said(&CONFIGURATION.replace("station = 1", "station = 1\nrated_current_a = 12.5"));
+        assert!(
+            rs232.contains("      S1: the switch beside the plug: up (at the drive itself)\n"),
+            "{rs232}"
+        );
+        let rated =
+            said(&CONFIGURATION.replace("station = 1", "station = 1\nrated_current_a = 12.5"));
         assert!(!rated.contains("per cent"), "{rated}");
 
         let (drive, rest) = CONFIGURATION.split_once("[line.drive.control]").unwrap();
         let (_, listener) = rest.split_once("[[modbus_tcp]]").unwrap();
         let listener = listener.replace("write = [\"127.0.0.1/32\"]\n", "");
         let read_only = said(&format!("{drive}[[modbus_tcp]]{listener}"));
-        assert!(read_only.contains("watchdog") && !read_only.contains("ordered"), "{read_only}");
+        assert!(
+            read_only.contains("watchdog") && !read_only.contains("ordered"),
+            "{read_only}"
+        );
     }
 }

@@ -30,21 +30,35 @@ pub(super) fn summary(config: &Config) -> String {
     if let Some(drives) = to_be_set(config) {
         let _ = writeln!(text, "to be set at the drives: {drives}");
     }
-    text.push_str("`check --verbose` shows the polls, the orders and what must be set at each drive\n");
+    text.push_str(
+        "`check --verbose` shows the polls, the orders and what must be set at each drive\n",
+    );
     text
 }
 
 fn of_line(line: &LineSettings) -> String {
-    let controlled = line.drives.iter().filter(|drive| drive.control.is_some()).count();
+    let controlled = line
+        .drives
+        .iter()
+        .filter(|drive| drive.control.is_some())
+        .count();
     let drives = match line.drives.len() {
         1 => "1 drive".to_owned(),
         drives => format!("{drives} drives"),
     };
-    let StopBounds { all_healthy, one_silent, .. } = line_plan::stop_bounds(line);
+    let StopBounds {
+        all_healthy,
+        one_silent,
+        ..
+    } = line_plan::stop_bounds(line);
     let stop = if controlled == 0 {
         String::new()
     } else {
-        format!("; slowest STOP {}, {} beside a silent drive", ms(all_healthy), ms(one_silent))
+        format!(
+            "; slowest STOP {}, {} beside a silent drive",
+            ms(all_healthy),
+            ms(one_silent)
+        )
     };
     format!(
         "line {} ({}, {}): {drives}, {controlled} controlled; polls use {:.1} %{stop}",
@@ -60,11 +74,15 @@ fn folded(config: &Config) -> Vec<(Vec<String>, String)> {
     let of_lines = config.lines.iter().flat_map(|line| {
         let own = warnings::over_full(line).map(|text| (format!("line {}", line.name), text));
         let drives = line.drives.iter();
-        let drives =
-            drives.flat_map(|drive| warnings::of_drive(line, drive).map(|text| (drive.name.to_string(), text)));
+        let drives = drives.flat_map(|drive| {
+            warnings::of_drive(line, drive).map(|text| (drive.name.to_string(), text))
+        });
         own.into_iter().chain(drives).collect::<Vec<_>>()
     });
-    let bridged = config.listeners.iter().filter_map(warnings::behind_a_bridge);
+    let bridged = config
+        .listeners
+        .iter()
+        .filter_map(warnings::behind_a_bridge);
     let bridged = bridged.map(|(networks, text)| (networks, text.to_owned()));
     let mut folded: Vec<(Vec<String>, String)> = Vec::new();
     for (of, text) in of_lines.chain(bridged) {
@@ -78,7 +96,10 @@ fn folded(config: &Config) -> Vec<(Vec<String>, String)> {
 
 /// The controlled drives with settings that must be made at them, each with their number.
 fn to_be_set(config: &Config) -> Option<String> {
-    let drives = config.lines.iter().flat_map(|line| line.drives.iter().map(move |drive| (line, drive)));
+    let drives = config
+        .lines
+        .iter()
+        .flat_map(|line| line.drives.iter().map(move |drive| (line, drive)));
     let counts = drives.filter_map(|(line, drive)| {
         let bus = drive.control.as_ref()?.bus;
         let settings = settings(&drive.model, line, bus).count();
@@ -99,11 +120,16 @@ mod tests {
 
     #[test]
     fn a_line_of_several_vendors_is_one_row() {
-        let found = shown(include_str!("../../../tests/golden/config/several_vendors.toml"));
+        let found = shown(include_str!(
+            "../../../tests/golden/config/several_vendors.toml"
+        ));
         let row = "line hall-1 (/dev/ttyUSB0, 9600 8N1): 4 drives, 1 controlled; polls use 68.8 %; slowest STOP 1060 ms, \
                    1292 ms beside a silent drive\n";
         assert!(found.contains(row), "{found}");
-        assert!(found.contains("warning: line hall-2: the plan is over-full"), "{found}");
+        assert!(
+            found.contains("warning: line hall-2: the plan is over-full"),
+            "{found}"
+        );
         assert!(found.contains("pump-1 (2)"), "{found}");
         assert!(!found.contains("a read of"), "{found}");
     }
@@ -124,9 +150,16 @@ mod tests {
             (1..=32).map(drive).collect::<String>()
         );
         let found = shown(&text);
-        let rows: Vec<_> = found.lines().filter(|row| row.contains("takes control from panel")).collect();
+        let rows: Vec<_> = found
+            .lines()
+            .filter(|row| row.contains("takes control from panel"))
+            .collect();
         assert_eq!(rows.len(), 1, "{found}");
-        assert!(rows[0].starts_with("warning: pump-1, pump-2, pump-3, pump-4 and 28 more: every command"), "{rows:?}");
+        assert!(
+            rows[0]
+                .starts_with("warning: pump-1, pump-2, pump-3, pump-4 and 28 more: every command"),
+            "{rows:?}"
+        );
         assert!(found.lines().count() < 10, "{found}");
     }
 }

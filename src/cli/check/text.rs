@@ -5,7 +5,11 @@ use std::time::Duration;
 
 /// The values, separated by commas.
 pub(super) fn list<T: Display>(values: impl IntoIterator<Item = T>) -> String {
-    values.into_iter().map(|value| value.to_string()).collect::<Vec<_>>().join(", ")
+    values
+        .into_iter()
+        .map(|value| value.to_string())
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// Milliseconds with as many decimals as matter; seconds from 10 s on.

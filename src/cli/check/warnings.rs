@@ -20,7 +20,10 @@ pub(super) fn of_drive(line: &LineSettings, drive: &DriveSettings) -> impl Itera
     let control = drive.control.as_ref();
     let takes_control = control.and_then(|_| takes_control(&drive.model));
     let feeds = control.and_then(|control| feeds_watchdog(&drive.model, control));
-    takes_control.into_iter().chain(feeds).chain(trips_first(line, drive))
+    takes_control
+        .into_iter()
+        .chain(feeds)
+        .chain(trips_first(line, drive))
 }
 
 /// The drive's own watchdog acts before a gateway that takes its line over.
@@ -42,14 +45,23 @@ pub(super) fn trips_first(line: &LineSettings, drive: &DriveSettings) -> Option<
 
 /// Some bits make a drive of `model` obey the bus whatever its own settings.
 pub(super) fn takes_control(model: &Model) -> Option<String> {
-    let RunForm::Bits { priority: priority @ 1.., .. } = model.run.as_ref()?.form else { return None };
-    Some(format!("every command, a stop too, takes control from panel and terminals (bits 0x{priority:04X})"))
+    let RunForm::Bits {
+        priority: priority @ 1..,
+        ..
+    } = model.run.as_ref()?.form
+    else {
+        return None;
+    };
+    Some(format!(
+        "every command, a stop too, takes control from panel and terminals (bits 0x{priority:04X})"
+    ))
 }
 
 /// The polls keep the drive's own watchdog from noticing that its commander is gone.
 pub(super) fn feeds_watchdog(model: &Model, control: &ControlSettings) -> Option<String> {
     let text = "with hold its polls go on and keep its watchdog fed when the commander is gone";
-    (model.watchdog.is_some() && control.on_commander_lost == FailSafe::Hold).then(|| text.to_owned())
+    (model.watchdog.is_some() && control.on_commander_lost == FailSafe::Hold)
+        .then(|| text.to_owned())
 }
 
 /// Addresses that `listener` allows and by which a container's clients are not told apart, with the warning.

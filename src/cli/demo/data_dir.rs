@@ -12,7 +12,11 @@ pub(super) struct DataDir(PathBuf);
 impl DataDir {
     /// Creates it. An existing one is never used: another user may have created it.
     pub(super) fn make() -> io::Result<Self> {
-        let name = format!("vfd-gateway-demo-{}-{:x}", std::process::id(), clock::wall().unix_ms);
+        let name = format!(
+            "vfd-gateway-demo-{}-{:x}",
+            std::process::id(),
+            clock::wall().unix_ms
+        );
         let path = std::env::temp_dir().join(name);
         DirBuilder::new().mode(0o700).create(&path)?;
         Ok(Self(path))

@@ -65,18 +65,34 @@ pub fn demo(args: &Args) -> Result<(), Failure> {
     for line in &lines {
         let mut bus = SimBus::new(line.link, BusOptions::default(), 1);
         for drive in &line.drives {
-            bus.connect(drive.station, SimDrive::new(Arc::clone(&drive.model), DriveOptions::default()));
+            bus.connect(
+                drive.station,
+                SimDrive::new(Arc::clone(&drive.model), DriveOptions::default()),
+            );
         }
         played.push((Pty::new().map_err(Failure::failed)?, bus));
     }
-    let devices: Vec<_> = played.iter().map(|(pty, _)| pty.path().to_owned()).collect();
+    let devices: Vec<_> = played
+        .iter()
+        .map(|(pty, _)| pty.path().to_owned())
+        .collect();
     let enter = Enter::listen().map_err(Failure::failed)?;
     let actors = Actors {
-        first: lines.first().and_then(|line| line.drives.first()).map(|drive| drive.station),
-        last: lines.last().and_then(|line| line.drives.last()).map(|drive| drive.station),
+        first: lines
+            .first()
+            .and_then(|line| line.drives.first())
+            .map(|drive| drive.station),
+        last: lines
+            .last()
+            .and_then(|line| line.drives.last())
+            .map(|drive| drive.station),
     };
     let data_dir = DataDir::make().map_err(Failure::failed)?;
-    let plant = Plant { lines: &lines, devices: &devices, data_dir: data_dir.path() };
+    let plant = Plant {
+        lines: &lines,
+        devices: &devices,
+        data_dir: data_dir.path(),
+    };
     play(&mut played, &enter, actors, || gateway(args, plant)).map_err(Failure::failed)?
 }
 
@@ -96,18 +112,25 @@ fn play<T>(
     Actors { first, last }: Actors,
     work: impl FnOnce() -> T,
 ) -> io::Result<T> {
-    let Some(((pty, bus), others)) = lines.split_first_mut() else { return Ok(work()) };
+    let Some(((pty, bus), others)) = lines.split_first_mut() else {
+        return Ok(work());
+    };
     let of_this_line = last.filter(|_| others.is_empty());
     let mut story = Story::default();
     let act = |bus: &mut SimBus, at: MonoTime| {
-        if let Some(drive) = first.filter(|_| enter.was_pressed()).and_then(|station| bus.drive_mut(station)) {
+        if let Some(drive) = first
+            .filter(|_| enter.was_pressed())
+            .and_then(|station| bus.drive_mut(station))
+        {
             drive.trip(at, TRIP_CAUSE);
         }
         if let Some(drive) = of_this_line.and_then(|station| bus.drive_mut(station)) {
             story.go_on(drive, at);
         }
     };
-    simulator::play_beside(&*pty, bus, act, || play(others, enter, Actors { first: None, last }, work))?
+    simulator::play_beside(&*pty, bus, act, || {
+        play(others, enter, Actors { first: None, last }, work)
+    })?
 }
 
 /// A trip that ends at the drive's own panel.
@@ -138,7 +161,11 @@ fn gateway(args: &Args, plant: Plant<'_>) -> Result<(), Failure> {
     let mut http = args.http_port;
     loop {
         let error = match serve(modbus, http, plant) {
-            Err(StartError::Listen { address, error }) if error.kind() == io::ErrorKind::AddrInUse => address,
+            Err(StartError::Listen { address, error })
+                if error.kind() == io::ErrorKind::AddrInUse =>
+            {
+                address
+            }
             other => return other.map_err(Failure::failed),
         };
         print(&format!("{error} is taken; using another port\n"))?;
@@ -153,7 +180,9 @@ fn serve(modbus: u16, http: u16, plant: Plant<'_>) -> Result<(), StartError> {
     let text = configuration(modbus, http, plant);
     let config = config::load(&text, &vendors::catalog())
         .ok()
-        .ok_or_else(|| StartError::System(io::Error::other("the demo's own configuration is refused")))?;
+        .ok_or_else(|| {
+            StartError::System(io::Error::other("the demo's own configuration is refused"))
+        })?;
     daemon::run(&config, None, async |running| {
         let told = match told_to_end() {
             Ok(told) => told,
@@ -166,7 +195,11 @@ fn serve(modbus: u16, http: u16, plant: Plant<'_>) -> Result<(), StartError> {
 }
 
 fn configuration(modbus: u16, http: u16, plant: Plant<'_>) -> String {
-    let Plant { lines, devices, data_dir } = plant;
+    let Plant {
+        lines,
+        devices,
+        data_dir,
+    } = plant;
     format!(
         r#"
 [gateway]
@@ -184,7 +217,10 @@ write = ["127.0.0.1/32"]
 [http]
 listen = "127.0.0.1:{http}"
 {}"#,
-        plant::configuration(lines.iter().zip(devices.iter().map(PathBuf::as_path)), &plant::FROM),
+        plant::configuration(
+            lines.iter().zip(devices.iter().map(PathBuf::as_path)),
+            &plant::FROM
+        ),
         user(),
     )
 }
@@ -197,24 +233,45 @@ fn user() -> String {
 }
 
 fn welcome(running: &Running<'_>, plant: Plant<'_>) -> String {
-    let Plant { lines, devices, data_dir } = plant;
+    let Plant {
+        lines,
+        devices,
+        data_dir,
+    } = plant;
     let nowhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let modbus = running.listening.first().copied().unwrap_or(nowhere);
     let broker = running.broker.unwrap_or(nowhere);
     let http = running.http.unwrap_or(nowhere);
     let at_broker = format!("-h {} -p {}", broker.ip(), broker.port());
-    let first = lines.first().and_then(|line| line.drives.first()).map_or("", |drive| &drive.name);
-    let last = lines.last().and_then(|line| line.drives.last()).map_or("", |drive| &drive.name);
+    let first = lines
+        .first()
+        .and_then(|line| line.drives.first())
+        .map_or("", |drive| &drive.name);
+    let last = lines
+        .last()
+        .and_then(|line| line.drives.last())
+        .map_or("", |drive| &drive.name);
     let mut text = String::from("vfd-gateway demo: simulated drives of several vendors\n");
     // Writing to a String cannot fail.
     let mut unit = 0;
     for (line, device) in lines.iter().zip(devices) {
-        let _ = writeln!(text, "{} at {} on {}", line.name, line.link, device.display());
+        let _ = writeln!(
+            text,
+            "{} at {} on {}",
+            line.name,
+            line.link,
+            device.display()
+        );
         for drive in &line.drives {
             unit += 1;
             let title = format!("{} {}", drive.model.vendor, drive.model.title);
             let units = format!("unit {unit} native, {} uniform", unit + 100);
-            let _ = writeln!(text, "  {:8} {title:20} station {:3} {units}", drive.name, drive.station.to_string());
+            let _ = writeln!(
+                text,
+                "  {:8} {title:20} station {:3} {units}",
+                drive.name,
+                drive.station.to_string()
+            );
         }
     }
     let _ = write!(

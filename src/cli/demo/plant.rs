@@ -11,8 +11,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The drives' names, which are followed by their stations, and their groups.
-const NAMES: [(&str, &str); 5] =
-    [("pump", "utilities"), ("fan", "utilities"), ("mixer", "process"), ("belt", "process"), ("mill", "process")];
+const NAMES: [(&str, &str); 5] = [
+    ("pump", "utilities"),
+    ("fan", "utilities"),
+    ("mixer", "process"),
+    ("belt", "process"),
+    ("mill", "process"),
+];
 /// Rated current and voltage of every drive, as simulated.
 const RATED_CURRENT_A: f64 = 11.0;
 const RATED_VOLTAGE_V: f64 = 400.0;
@@ -51,8 +56,16 @@ pub(super) fn lines() -> Vec<Line> {
     let mut lines: Vec<Line> = Vec::new();
     for ((number, (name, group)), model) in (1..).zip(NAMES).zip(models) {
         let name = format!("{name}-{number}");
-        let drive = Drive { name, station: Station(number), group, model: Arc::clone(model) };
-        match lines.iter_mut().find_map(|line| Some((common(line, &drive.model)?, line))) {
+        let drive = Drive {
+            name,
+            station: Station(number),
+            group,
+            model: Arc::clone(model),
+        };
+        match lines
+            .iter_mut()
+            .find_map(|line| Some((common(line, &drive.model)?, line)))
+        {
             Some((link, line)) => {
                 line.link = link;
                 line.drives.push(drive);
@@ -60,7 +73,11 @@ pub(super) fn lines() -> Vec<Line> {
             None => {
                 let name = format!("line-{}", lines.len() + 1);
                 let link = drive.model.link.played();
-                lines.push(Line { name, link, drives: vec![drive] });
+                lines.push(Line {
+                    name,
+                    link,
+                    drives: vec![drive],
+                });
             }
         }
     }
@@ -69,7 +86,12 @@ pub(super) fn lines() -> Vec<Line> {
 
 /// The fastest setting that `model` shares with every drive of `line`; `None` if there is none.
 fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
-    let all = || line.drives.iter().map(|drive| drive.model.as_ref()).chain([model]);
+    let all = || {
+        line.drives
+            .iter()
+            .map(|drive| drive.model.as_ref())
+            .chain([model])
+    };
     let share = |can: &dyn Fn(&Model) -> bool| all().all(can);
     let first = &line.drives.first()?.model.link;
     let both = share(&|it| {
@@ -78,20 +100,35 @@ fn common(line: &Line, model: &Model) -> Option<LinkSettings> {
             && it.link.interfaces.value.contains(&Interface::Rs485)
     });
     let bauds = first.bauds.value.iter().copied();
-    let baud = bauds.filter(|baud| share(&|it| it.link.bauds.value.contains(baud))).max()?;
+    let baud = bauds
+        .filter(|baud| share(&|it| it.link.bauds.value.contains(baud)))
+        .max()?;
     let mut parities = first.parities.value.iter().copied();
     let parity = parities.find(|parity| share(&|it| it.link.parities.value.contains(parity)))?;
     let mut stop_bits = first.stop_bits.value.iter().copied();
     let stop_bits = stop_bits.find(|bits| share(&|it| it.link.stop_bits.value.contains(bits)))?;
-    both.then_some(LinkSettings { baud, data_bits: 8, parity, stop_bits })
+    both.then_some(LinkSettings {
+        baud,
+        data_bits: 8,
+        parity,
+        stop_bits,
+    })
 }
 
 /// The `[[line]]` tables of a configuration for `lines`, each on its device, with drives that obey `from`.
-pub fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>, from: &[&str]) -> String {
+pub fn configuration<'a>(
+    lines: impl IntoIterator<Item = (&'a Line, &'a Path)>,
+    from: &[&str],
+) -> String {
     let mut text = String::new();
     let mut unit = 0;
     for (line, device) in lines {
-        let LinkSettings { baud, parity, stop_bits, .. } = line.link;
+        let LinkSettings {
+            baud,
+            parity,
+            stop_bits,
+            ..
+        } = line.link;
         // Writing to a String cannot fail.
         let _ = write!(
             text,
@@ -109,7 +146,12 @@ pub fn configuration<'a>(lines: impl IntoIterator<Item = (&'a Line, &'a Path)>, 
 }
 
 fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
-    let Drive { name, station, group, model } = drive;
+    let Drive {
+        name,
+        station,
+        group,
+        model,
+    } = drive;
     let _ = write!(
         text,
         "\n[[line.drive]]\nname = \"{name}\"\nmodel = \"{}\"\nstation = {station}\nunit = {unit}\n\
@@ -118,12 +160,17 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
         u16::from(unit) + 100
     );
     if model.quirks.percent_of_rated.is_some() {
-        let _ = write!(text, "rated_current_a = {RATED_CURRENT_A:.1}\nrated_voltage_v = {RATED_VOLTAGE_V:.1}\n");
+        let _ = write!(
+            text,
+            "rated_current_a = {RATED_CURRENT_A:.1}\nrated_voltage_v = {RATED_VOLTAGE_V:.1}\n"
+        );
     }
     if model.run.is_none() {
         return;
     }
-    let unproven: Vec<_> = unproven(model).map(|action| format!("\"{}\"", action.word())).collect();
+    let unproven: Vec<_> = unproven(model)
+        .map(|action| format!("\"{}\"", action.word()))
+        .collect();
     let directions = if model.run.as_ref().is_some_and(|run| run.reverse.is_some()) {
         "\"forward\", \"reverse\""
     } else {
@@ -142,7 +189,11 @@ fn drive_section(text: &mut String, drive: &Drive, unit: u8, from: &[&str]) {
 /// them except the release, which no client is offered here.
 fn unproven(model: &Model) -> impl Iterator<Item = ControlAction> + '_ {
     let basic = (!model.unproven_basics().is_empty()).then_some(ControlAction::Basic);
-    let unproven = model.run.iter().flat_map(RunCommand::unproven).map(|(action, _)| action);
+    let unproven = model
+        .run
+        .iter()
+        .flat_map(RunCommand::unproven)
+        .map(|(action, _)| action);
     let unproven = basic.into_iter().chain(unproven);
     unproven.filter(|action| *action != ControlAction::Release)
 }
@@ -164,7 +215,10 @@ mod tests {
         let text = format!(
             "[gateway]\nname = \"demo\"\n{}\n[mqtt]\nbroker = \"embedded\"\n\n[[modbus_tcp]]\nlisten = \"127.0.0.1:0\"\n\
              write = [\"127.0.0.1/32\"]\n\n[http]\nlisten = \"127.0.0.1:0\"\n{}",
-            configuration(lines.iter().map(|line| (line, Path::new("/dev/pts/1"))), &FROM),
+            configuration(
+                lines.iter().map(|line| (line, Path::new("/dev/pts/1"))),
+                &FROM
+            ),
             super::super::user()
         );
         if let Err(problems) = config::load(&text, &catalog) {

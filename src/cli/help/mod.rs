@@ -40,7 +40,10 @@ pub fn complete(plain: Command) -> Command {
 
 /// `command`, which is invoked by `words`, with its help text and those of its sub-commands.
 fn with_texts(command: Command, words: &str) -> Command {
-    let names: Vec<_> = command.get_subcommands().map(|it| it.get_name().to_owned()).collect();
+    let names: Vec<_> = command
+        .get_subcommands()
+        .map(|it| it.get_name().to_owned())
+        .collect();
     let command = names.into_iter().fold(command, |command, name| {
         let words = format!("{words} {name}");
         command.mut_subcommand(name, |sub| with_texts(sub, words.trim()))
@@ -60,7 +63,9 @@ mod tests {
 
     /// All visible commands, with their words.
     fn all(command: &Command, words: &str) -> Vec<(String, Command)> {
-        let shown = command.get_subcommands().filter(|sub| !sub.is_hide_set() && sub.get_name() != "help");
+        let shown = command
+            .get_subcommands()
+            .filter(|sub| !sub.is_hide_set() && sub.get_name() != "help");
         let mut found = vec![(words.to_owned(), command.clone())];
         found.extend(shown.flat_map(|sub| all(sub, format!("{words} {}", sub.get_name()).trim())));
         found
@@ -76,9 +81,16 @@ mod tests {
                 after.contains("Examples:\n"),
                 "`{words}` shows no example: give it a help text in cli/help/texts.rs"
             );
-            assert!(after.contains("Exit codes: 0"), "`{words}` says nothing of its exit codes");
+            assert!(
+                after.contains("Exit codes: 0"),
+                "`{words}` says nothing of its exit codes"
+            );
             for arg in command.get_arguments() {
-                assert!(arg.get_help().is_some(), "`{words}`: {} is not explained", arg.get_id());
+                assert!(
+                    arg.get_help().is_some(),
+                    "`{words}`: {} is not explained",
+                    arg.get_id()
+                );
             }
         }
     }
@@ -86,9 +98,16 @@ mod tests {
     /// An example is accepted by the program as written, up to a pipe or a file.
     #[test]
     fn every_example_is_taken() {
-        let known: BTreeSet<_> = all(&command(), "").into_iter().map(|(words, _)| words).collect();
+        let known: BTreeSet<_> = all(&command(), "")
+            .into_iter()
+            .map(|(words, _)| words)
+            .collect();
         for help in HELP_TEXTS {
-            assert!(known.contains(help.command), "there is no command {}", help.command);
+            assert!(
+                known.contains(help.command),
+                "there is no command {}",
+                help.command
+            );
             for (line, _) in help.examples {
                 let (_, typed) = line.split_once("vfd-gateway ").unwrap();
                 let typed = typed.split(['|', '>', ')']).next().unwrap_or_default();
@@ -96,7 +115,11 @@ mod tests {
                 let matches = command().try_get_matches_from(args);
                 let matches = matches.unwrap_or_else(|error| panic!("{line}: {error}"));
                 assert!(Cli::from_arg_matches(&matches).is_ok(), "{line}");
-                assert!(line.contains(help.command), "{line} is no example of {}", help.command);
+                assert!(
+                    line.contains(help.command),
+                    "{line} is no example of {}",
+                    help.command
+                );
             }
         }
     }

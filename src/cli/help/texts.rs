@@ -10,7 +10,12 @@ const fn help(
     about: &'static str,
     examples: &'static [(&'static str, &'static str)],
 ) -> HelpText {
-    HelpText { command, about, examples, exits: EXITS }
+    HelpText {
+        command,
+        about,
+        examples,
+        exits: EXITS,
+    }
 }
 
 impl HelpText {

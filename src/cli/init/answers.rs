@@ -72,7 +72,10 @@ impl Answers {
             json!(self.data_dir),
         );
         text.push_str(&self.line.text());
-        for part in [self.page_text(), self.modbus_text(), self.broker_text()].into_iter().flatten() {
+        for part in [self.page_text(), self.modbus_text(), self.broker_text()]
+            .into_iter()
+            .flatten()
+        {
             text.push_str(&part);
         }
         text
@@ -87,14 +90,26 @@ impl Answers {
             page.listen
         );
         if !page.allow.is_empty() {
-            let _ = writeln!(text, "allow = {}", json!(page.allow.iter().map(IpNet::to_string).collect::<Vec<_>>()));
+            let _ = writeln!(
+                text,
+                "allow = {}",
+                json!(page.allow.iter().map(IpNet::to_string).collect::<Vec<_>>())
+            );
         }
         if let Some((name, hash)) = &page.user {
-            let _ = write!(text, "\n[[http.users]]\nname = {}\npassword_hash_file = {}\n", json!(name), json!(hash));
+            let _ = write!(
+                text,
+                "\n[[http.users]]\nname = {}\npassword_hash_file = {}\n",
+                json!(name),
+                json!(hash)
+            );
         }
         if let Some(file) = &page.certificate {
             let file = json!(file);
-            let _ = write!(text, "\n[http.tls]\ncert_file = {file}\nkey_file = {file}\n");
+            let _ = write!(
+                text,
+                "\n[http.tls]\ncert_file = {file}\nkey_file = {file}\n"
+            );
         }
         Some(text)
     }
@@ -104,7 +119,11 @@ impl Answers {
         let mut text = format!("\n[[modbus_tcp]]\nlisten = \"{}\"\n", modbus.listen);
         for (key, networks) in [("allow", &modbus.allow), ("write", &modbus.write)] {
             if !networks.is_empty() {
-                let _ = writeln!(text, "{key} = {}", json!(networks.iter().map(IpNet::to_string).collect::<Vec<_>>()));
+                let _ = writeln!(
+                    text,
+                    "{key} = {}",
+                    json!(networks.iter().map(IpNet::to_string).collect::<Vec<_>>())
+                );
             }
         }
         Some(text)
@@ -114,7 +133,12 @@ impl Answers {
         let broker = self.broker.as_ref()?;
         let mut text = format!("\n[mqtt]\nbroker = {}\n", json!(broker.url));
         if let Some((user, file)) = &broker.user {
-            let _ = writeln!(text, "user = {}\npassword_file = {}", json!(user), json!(file));
+            let _ = writeln!(
+                text,
+                "user = {}\npassword_file = {}",
+                json!(user),
+                json!(file)
+            );
             if broker.url.starts_with("mqtt://") {
                 text.push_str("# The password crosses the network in plain view; with mqtts:// it does not.\nallow_plain_password = true\n");
             }
@@ -124,7 +148,11 @@ impl Answers {
         }
         if let Some(group) = &broker.sparkplug_group {
             // Without a primary host only explicit leases tell that a host is gone.
-            let _ = write!(text, "lease = \"explicit\"\n\n[mqtt.sparkplug]\ngroup = {}\n", json!(group));
+            let _ = write!(
+                text,
+                "lease = \"explicit\"\n\n[mqtt.sparkplug]\ngroup = {}\n",
+                json!(group)
+            );
         }
         Some(text)
     }

@@ -21,10 +21,17 @@ use std::sync::Arc;
 const NAME_RULE: &str = "a name has 1 to 64 letters, digits, \"-\", \"_\" or \".\", not only dots";
 
 /// The line: its port, and the drives that are named or found on it.
-pub fn line<R: BufRead>(questions: &mut Questions<R>, args: &Args, catalog: &Catalog) -> Result<NewLine, Failure> {
+pub fn line<R: BufRead>(
+    questions: &mut Questions<R>,
+    args: &Args,
+    catalog: &Catalog,
+) -> Result<NewLine, Failure> {
     let port = port(questions, args)?;
-    let mut line =
-        if args.drive.is_empty() { found(questions, args, catalog, port)? } else { given(args, catalog, port)? };
+    let mut line = if args.drive.is_empty() {
+        found(questions, args, catalog, port)?
+    } else {
+        given(args, catalog, port)?
+    };
     full_scale(questions, args, &mut line.drives)?;
     Ok(line)
 }
@@ -35,12 +42,17 @@ fn port<R: BufRead>(questions: &mut Questions<R>, args: &Args) -> Result<PortAdd
     }
     let adapters = adapters::list();
     print(&listed(&adapters))?;
-    questions.ask_until("Number of the port, or its path, or tcp://HOST:PORT of a serial device server", |answer| {
-        match answer.parse::<usize>().ok().and_then(|number| adapters.get(number.checked_sub(1)?)) {
+    questions.ask_until(
+        "Number of the port, or its path, or tcp://HOST:PORT of a serial device server",
+        |answer| match answer
+            .parse::<usize>()
+            .ok()
+            .and_then(|number| adapters.get(number.checked_sub(1)?))
+        {
             Some(adapter) => Ok(PortAddress::Device(adapter.path.clone())),
             None => config::serial_port_address(answer),
-        }
-    })
+        },
+    )
 }
 
 /// The ports, numbered from 1, with what keeps this user from one.
@@ -53,11 +65,16 @@ fn listed(adapters: &[Adapter]) -> String {
         let driver = adapter.driver.as_deref().unwrap_or("driver not known");
         text += &format!("  {number}) {} ({driver})\n", adapter.path.display());
         if !adapter.holders.is_empty() {
-            text += &format!("     in use by {}: end it first\n", adapter.holders.join(", "));
+            text += &format!(
+                "     in use by {}: end it first\n",
+                adapter.holders.join(", ")
+            );
         }
         if !adapter.may_open {
             let group = &adapter.group;
-            text += &format!("     this user may not open it: sudo usermod -aG {group} $USER, and sign in again\n");
+            text += &format!(
+                "     this user may not open it: sudo usermod -aG {group} $USER, and sign in again\n"
+            );
         }
     }
     text
@@ -65,8 +82,14 @@ fn listed(adapters: &[Adapter]) -> String {
 
 /// What the flags say.
 fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, Failure> {
-    let drives = args.drive.iter().map(|text| given_drive(text, catalog)).collect::<Result<Vec<_>, _>>()?;
-    let first = drives.first().map_or(LinkSettings::DEFAULT, |drive| drive.model.link.played());
+    let drives = args
+        .drive
+        .iter()
+        .map(|text| given_drive(text, catalog))
+        .collect::<Result<Vec<_>, _>>()?;
+    let first = drives
+        .first()
+        .map_or(LinkSettings::DEFAULT, |drive| drive.model.link.played());
     let link = LinkSettings {
         baud: args.baud.unwrap_or(first.baud),
         parity: args.link.parity().unwrap_or(first.parity),
@@ -74,7 +97,15 @@ fn given(args: &Args, catalog: &Catalog, port: PortAddress) -> Result<NewLine, F
         data_bits: first.data_bits,
     };
     let is_ascii = link.data_bits == 7;
-    Ok(NewLine { name: "line-1".to_owned(), port, link, is_ascii, echoes: false, drives, notes: Vec::new() })
+    Ok(NewLine {
+        name: "line-1".to_owned(),
+        port,
+        link,
+        is_ascii,
+        echoes: false,
+        drives,
+        notes: Vec::new(),
+    })
 }
 
 fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, Failure> {
@@ -85,16 +116,36 @@ fn given_drive(text: &str, catalog: &Catalog) -> Result<NewDrive, Failure> {
     };
     let (name, rest) = text.split_once('=').ok_or_else(wrong)?;
     let (id, station) = rest.rsplit_once('@').ok_or_else(wrong)?;
-    let station = station.parse().ok().filter(|station| (1..=247).contains(station)).ok_or_else(wrong)?;
-    let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("--drive {text}: {NAME_RULE}")))?;
+    let station = station
+        .parse()
+        .ok()
+        .filter(|station| (1..=247).contains(station))
+        .ok_or_else(wrong)?;
+    let name =
+        Name::new(name).ok_or_else(|| Failure::wrong(format!("--drive {text}: {NAME_RULE}")))?;
     let model = catalog.find(id).ok_or_else(|| {
-        Failure::wrong(format!("--drive {text}: no model is called {id}; `vfd-gateway models list` shows all of them"))
+        Failure::wrong(format!(
+            "--drive {text}: no model is called {id}; `vfd-gateway models list` shows all of them"
+        ))
     })?;
-    Ok(drive(name.to_string(), Arc::clone(model), station, "as you said".to_owned()))
+    Ok(drive(
+        name.to_string(),
+        Arc::clone(model),
+        station,
+        "as you said".to_owned(),
+    ))
 }
 
 const fn drive(name: String, model: Arc<Model>, station: u8, why: String) -> NewDrive {
-    NewDrive { name, model, station, unit: None, full_scale_hz: None, why, control: None }
+    NewDrive {
+        name,
+        model,
+        station,
+        unit: None,
+        full_scale_hz: None,
+        why,
+        control: None,
+    }
 }
 
 /// Looks for drives, and asks what a scan cannot tell.
@@ -104,21 +155,35 @@ fn found<R: BufRead>(
     catalog: &Catalog,
     port: PortAddress,
 ) -> Result<NewLine, Failure> {
-    let Found { setting, drives, others, echoes } =
-        find(&port, catalog, &args.stations, args.baud, &args.link, |plan| {
+    let Found {
+        setting,
+        drives,
+        others,
+        echoes,
+    } = find(
+        &port,
+        catalog,
+        &args.stations,
+        args.baud,
+        &args.link,
+        |plan| {
             let (silent, _) = plan.duration();
             print(&format!(
                 "Looking for drives on {port}, which only reads: {} at most before the first answers.\n",
                 seconds(silent)
             ))
-        })?;
+        },
+    )?;
     let models = models_of(questions, args, &drives)?;
     let mut known = Vec::new();
     let mut notes = others;
     for finding in &drives {
         match models.get(&finding.station) {
             Some((model, why)) => known.push((finding.station, Arc::clone(model), why.clone())),
-            None => notes.push(format!("Station {} answers, but fits no model.", finding.station)),
+            None => notes.push(format!(
+                "Station {} answers, but fits no model.",
+                finding.station
+            )),
         }
     }
     if known.is_empty() {
@@ -126,8 +191,18 @@ fn found<R: BufRead>(
             "no drive was found whose model is known: see the scan's advice in docs/real-drive.md, or name drives with --drive",
         ));
     }
-    let names = names(questions, args, &known.iter().map(|(station, ..)| *station).collect::<Vec<_>>())?;
-    let drives = names.into_iter().zip(known).map(|(name, (station, model, why))| drive(name, model, station, why));
+    let names = names(
+        questions,
+        args,
+        &known
+            .iter()
+            .map(|(station, ..)| *station)
+            .collect::<Vec<_>>(),
+    )?;
+    let drives = names
+        .into_iter()
+        .zip(known)
+        .map(|(name, (station, model, why))| drive(name, model, station, why));
     let is_ascii = setting.framing == Framing::Ascii;
     Ok(NewLine {
         name: "line-1".to_owned(),
@@ -153,17 +228,23 @@ fn models_of<R: BufRead>(
     let mut fits = BTreeMap::new();
     for drive in drives {
         let ids: Vec<_> = drive.fits.iter().map(|model| model.id.clone()).collect();
-        let preferred = args.model.iter().find_map(|id| drive.fits.iter().find(|model| model.id == *id));
+        let preferred = args
+            .model
+            .iter()
+            .find_map(|id| drive.fits.iter().find(|model| model.id == *id));
         match (&drive.fits[..], preferred) {
             ([], _) => (),
-            (_, Some(model)) => drop(known.insert(drive.station, (Arc::clone(model), "as you said".to_owned()))),
+            (_, Some(model)) => {
+                drop(known.insert(drive.station, (Arc::clone(model), "as you said".to_owned())))
+            }
             ([only], None) if drive.is_sure => {
-                drop(
-                    known.insert(
-                        drive.station,
-                        (Arc::clone(only), "identified; compare it with the nameplate".to_owned()),
+                drop(known.insert(
+                    drive.station,
+                    (
+                        Arc::clone(only),
+                        "identified; compare it with the nameplate".to_owned(),
                     ),
-                );
+                ));
             }
             (several, None) => {
                 groups.entry(ids.clone()).or_default().push(drive.station);
@@ -172,23 +253,40 @@ fn models_of<R: BufRead>(
         }
     }
     for (ids, stations) in groups {
-        let Some(models) = fits.get(&ids) else { continue };
+        let Some(models) = fits.get(&ids) else {
+            continue;
+        };
         let numbers: Vec<_> = stations.iter().map(u8::to_string).collect();
-        let mut text = format!("Station {} may be several models. Which is on the nameplate?\n", numbers.join(", "));
+        let mut text = format!(
+            "Station {} may be several models. Which is on the nameplate?\n",
+            numbers.join(", ")
+        );
         for (number, model) in (1..).zip(models) {
-            text += &format!("  {number}) {} {} ({})\n", model.vendor, model.title, model.id);
+            text += &format!(
+                "  {number}) {} {} ({})\n",
+                model.vendor, model.title, model.id
+            );
         }
         print(&text)?;
-        let chosen = questions.ask_until("Number, or 0 to leave them out", |answer| match answer.parse::<usize>() {
-            Ok(0) => Ok(None),
-            Ok(number) if number <= models.len() => Ok(models.get(number - 1)),
-            _ => Err(format!("`{answer}` is not a number from 0 to {}", models.len())),
-        })?;
+        let chosen =
+            questions.ask_until("Number, or 0 to leave them out", |answer| {
+                match answer.parse::<usize>() {
+                    Ok(0) => Ok(None),
+                    Ok(number) if number <= models.len() => Ok(models.get(number - 1)),
+                    _ => Err(format!(
+                        "`{answer}` is not a number from 0 to {}",
+                        models.len()
+                    )),
+                }
+            })?;
         for station in chosen.into_iter().flat_map(|_| &stations) {
             if let Some(model) = chosen {
                 known.insert(
                     *station,
-                    (Arc::clone(model), "chosen among several; compare it with the nameplate".to_owned()),
+                    (
+                        Arc::clone(model),
+                        "chosen among several; compare it with the nameplate".to_owned(),
+                    ),
                 );
             }
         }
@@ -197,43 +295,85 @@ fn models_of<R: BufRead>(
 }
 
 /// A name for each station.
-fn names<R: BufRead>(questions: &mut Questions<R>, args: &Args, stations: &[u8]) -> Result<Vec<String>, Failure> {
-    let own: Vec<_> = stations.iter().map(|station| format!("drive-{station}")).collect();
+fn names<R: BufRead>(
+    questions: &mut Questions<R>,
+    args: &Args,
+    stations: &[u8],
+) -> Result<Vec<String>, Failure> {
+    let own: Vec<_> = stations
+        .iter()
+        .map(|station| format!("drive-{station}"))
+        .collect();
     let given = args.names.as_ref().map(|names| names.join(","));
     let numbers: Vec<_> = stations.iter().map(u8::to_string).collect();
     let question = format!("Names of the drives at stations {}", numbers.join(", "));
-    questions.given_or_asked(given.as_deref(), "--names", &question, Some(&own.join(" ")), |text| {
-        let names: Vec<_> = text.split([',', ' ']).filter(|name| !name.is_empty()).map(str::to_owned).collect();
-        if names.len() != stations.len() {
-            return Err(format!("{} names are needed, and these are {}", stations.len(), names.len()));
-        }
-        if names.iter().collect::<BTreeSet<_>>().len() != names.len() {
-            return Err("two of them are the same".to_owned());
-        }
-        match names.iter().find(|name| Name::new(name).is_none()) {
-            Some(name) => Err(format!("`{name}`: {NAME_RULE}")),
-            None => Ok(names),
-        }
-    })
+    questions.given_or_asked(
+        given.as_deref(),
+        "--names",
+        &question,
+        Some(&own.join(" ")),
+        |text| {
+            let names: Vec<_> = text
+                .split([',', ' '])
+                .filter(|name| !name.is_empty())
+                .map(str::to_owned)
+                .collect();
+            if names.len() != stations.len() {
+                return Err(format!(
+                    "{} names are needed, and these are {}",
+                    stations.len(),
+                    names.len()
+                ));
+            }
+            if names.iter().collect::<BTreeSet<_>>().len() != names.len() {
+                return Err("two of them are the same".to_owned());
+            }
+            match names.iter().find(|name| Name::new(name).is_none()) {
+                Some(name) => Err(format!("`{name}`: {NAME_RULE}")),
+                None => Ok(names),
+            }
+        },
+    )
 }
 
 /// The frequency that stands for 100 %, asked once for each model that needs it.
-fn full_scale<R: BufRead>(questions: &mut Questions<R>, args: &Args, drives: &mut [NewDrive]) -> Result<(), Failure> {
-    let needing = drives.iter().map(|drive| &drive.model).filter(|model| model.needs_full_scale());
+fn full_scale<R: BufRead>(
+    questions: &mut Questions<R>,
+    args: &Args,
+    drives: &mut [NewDrive],
+) -> Result<(), Failure> {
+    let needing = drives
+        .iter()
+        .map(|drive| &drive.model)
+        .filter(|model| model.needs_full_scale());
     let needing: BTreeSet<_> = needing
         .map(|model| {
-            let parameter = model.full_scale_parameter().map(|it| format!(" ({it})")).unwrap_or_default();
+            let parameter = model
+                .full_scale_parameter()
+                .map(|it| format!(" ({it})"))
+                .unwrap_or_default();
             (model.id.clone(), parameter)
         })
         .collect();
     for (id, parameter) in needing {
         let question = format!("Frequency that stands for 100 % at the {id}{parameter}, in Hz");
-        let hz =
-            questions.given_or_asked(args.full_scale_hz.as_deref(), "--full-scale-hz", &question, None, |text| {
-                let hz = text.parse::<f64>().ok().filter(|hz| (1.0..=1000.0).contains(hz));
+        let hz = questions.given_or_asked(
+            args.full_scale_hz.as_deref(),
+            "--full-scale-hz",
+            &question,
+            None,
+            |text| {
+                let hz = text
+                    .parse::<f64>()
+                    .ok()
+                    .filter(|hz| (1.0..=1000.0).contains(hz));
                 hz.ok_or_else(|| format!("`{text}` is no frequency from 1 to 1000 Hz"))
-            })?;
-        drives.iter_mut().filter(|drive| drive.model.id == id).for_each(|drive| drive.full_scale_hz = Some(hz));
+            },
+        )?;
+        drives
+            .iter_mut()
+            .filter(|drive| drive.model.id == id)
+            .for_each(|drive| drive.full_scale_hz = Some(hz));
     }
     Ok(())
 }
@@ -270,7 +410,10 @@ pub fn controlled<R: BufRead>(
     for drive in drives {
         let accepts_unproven = !drive.model.unproven_basics().is_empty();
         let is_controlled = drive.model.run.is_some() && (accepts || !accepts_unproven);
-        drive.control = is_controlled.then(|| NewControl { accepts_unproven, ..control.clone() });
+        drive.control = is_controlled.then(|| NewControl {
+            accepts_unproven,
+            ..control.clone()
+        });
     }
     Ok(())
 }
@@ -293,7 +436,13 @@ mod tests {
         let catalog = vendors::catalog();
         let drive = given_drive("pump-1=hyundai-n700@3", &catalog).unwrap();
         assert_eq!((drive.name.as_str(), drive.station), ("pump-1", 3));
-        for wrong in ["pump-1", "pump-1=hyundai-n700", "pump-1=hyundai-n700@0", "pump-1=none@1", "a b=hyundai-n700@1"] {
+        for wrong in [
+            "pump-1",
+            "pump-1=hyundai-n700",
+            "pump-1=hyundai-n700@0",
+            "pump-1=none@1",
+            "a b=hyundai-n700@1",
+        ] {
             assert!(given_drive(wrong, &catalog).is_err(), "{wrong}");
         }
     }
@@ -309,7 +458,11 @@ mod tests {
             holders: vec!["minicom (process 42)".to_owned()],
         };
         let text = listed(&[adapter]);
-        for word in ["1) /dev/ttyUSB0 (ftdi_sio)", "minicom (process 42)", "usermod -aG dialout"] {
+        for word in [
+            "1) /dev/ttyUSB0 (ftdi_sio)",
+            "minicom (process 42)",
+            "usermod -aG dialout",
+        ] {
             assert!(text.contains(word), "{text}");
         }
     }

@@ -29,7 +29,10 @@ const DATA_DIR: &str = "/var/lib/vfd-gateway";
 pub fn init(args: &Args) -> Result<(), Failure> {
     let out = absolute(&args.out)?;
     if out.exists() {
-        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+        return Err(Failure::wrong(format!(
+            "{} already exists and is not overwritten",
+            out.display()
+        )));
     }
     let can_be_service = can_be_service(args, &out)?;
     let directory = out.parent().unwrap_or(Path::new("/")).to_path_buf();
@@ -42,43 +45,73 @@ pub fn init(args: &Args) -> Result<(), Failure> {
     let service = service_wanted(&mut questions, args, can_be_service)?;
     let start = "Run the gateway now, in this terminal";
     let starts = service == Wanted::None
-        && questions.given_or_asked(args.start.as_deref(), "--start", start, Some("no"), line::yes)?;
+        && questions.given_or_asked(
+            args.start.as_deref(),
+            "--start",
+            start,
+            Some("no"),
+            line::yes,
+        )?;
     drop(questions);
     write(&out, &text, &answers, &secrets)?;
     if service != Wanted::None {
         print("\nThe service:\n")?;
-        service::carry_out(&service::steps(&Facts::of_host(), &answers.data_dir, service))?;
+        service::carry_out(&service::steps(
+            &Facts::of_host(),
+            &answers.data_dir,
+            service,
+        ))?;
     }
     print(&format!(
         "\n{text}\n{} is written. What next:\n  vfd-gateway check -c {0}\n  vfd-gateway run -c {0}\n",
         out.display()
     ))?;
-    if starts { run::run(&run::Args { config: out }) } else { Ok(()) }
+    if starts {
+        run::run(&run::Args { config: out })
+    } else {
+        Ok(())
+    }
 }
 
 /// Whether a service can be installed. One that is wanted by the flag and cannot is an error, before anything is asked.
 fn can_be_service(args: &Args, out: &Path) -> Result<bool, Failure> {
     match (args.service.as_deref(), service::why_not(out)) {
-        (Some(given), Some(why)) if given != "none" => Err(Failure::wrong(format!("--service {given}: {why}"))),
+        (Some(given), Some(why)) if given != "none" => {
+            Err(Failure::wrong(format!("--service {given}: {why}")))
+        }
         (_, why) => Ok(why.is_none()),
     }
 }
 
 /// Asked only where a service can be installed.
-fn service_wanted<R: BufRead>(questions: &mut Questions<R>, args: &Args, can_be: bool) -> Result<Wanted, Failure> {
+fn service_wanted<R: BufRead>(
+    questions: &mut Questions<R>,
+    args: &Args,
+    can_be: bool,
+) -> Result<Wanted, Failure> {
     let parse = |text: &str| {
-        let word = WANTED.into_iter().find(|(word, _)| *word == text).map(|(_, wanted)| wanted);
+        let word = WANTED
+            .into_iter()
+            .find(|(word, _)| *word == text)
+            .map(|(_, wanted)| wanted);
         word.ok_or_else(|| format!("`{text}` is none of none, install, start"))
     };
     if !can_be {
         return Ok(Wanted::None);
     }
     let question = "The gateway as a service: none, install, or start (which installs it too)";
-    questions.given_or_asked(args.service.as_deref(), "--service", question, Some("none"), parse)
+    questions.given_or_asked(
+        args.service.as_deref(),
+        "--service",
+        question,
+        Some("none"),
+        parse,
+    )
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
-    std::path::absolute(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    std::path::absolute(path)
+        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
 
 fn asked<R: BufRead>(
@@ -91,8 +124,16 @@ fn asked<R: BufRead>(
     let mut line = line::line(questions, args, catalog)?;
     let wanted = ways::wanted(questions, args)?;
     let has = |way: &str| wanted.iter().any(|it| it == way);
-    let mut page = if has("page") { Some(ways::page(questions, args)?) } else { None };
-    let mut modbus = if has("modbus-tcp") { Some(ways::modbus(questions, args)?) } else { None };
+    let mut page = if has("page") {
+        Some(ways::page(questions, args)?)
+    } else {
+        None
+    };
+    let mut modbus = if has("modbus-tcp") {
+        Some(ways::modbus(questions, args)?)
+    } else {
+        None
+    };
     let broker = if has("mqtt") || has("home-assistant") || has("sparkplug") {
         Some(ways::broker(questions, args, &wanted, directory, secrets)?)
     } else {
@@ -121,18 +162,31 @@ fn asked<R: BufRead>(
         "Directory for the journal",
         Some(DATA_DIR),
         |text| {
-            if text.starts_with('/') { Ok(PathBuf::from(text)) } else { Err(format!("`{text}` is no absolute path")) }
+            if text.starts_with('/') {
+                Ok(PathBuf::from(text))
+            } else {
+                Err(format!("`{text}` is no absolute path"))
+            }
         },
     )?;
     let date = calendar::day(clock::wall());
-    Ok(Answers { date, data_dir, line, page, modbus, broker })
+    Ok(Answers {
+        date,
+        data_dir,
+        line,
+        page,
+        modbus,
+        broker,
+    })
 }
 
 /// The file passes `check`, or nothing is written.
 fn checked(text: &str, catalog: &Catalog) -> Result<(), Failure> {
-    input::config_of(text, catalog)
-        .map(drop)
-        .map_err(|why| Failure::wrong(format!("the answers do not go together; nothing was written:\n{why}")))
+    input::config_of(text, catalog).map(drop).map_err(|why| {
+        Failure::wrong(format!(
+            "the answers do not go together; nothing was written:\n{why}"
+        ))
+    })
 }
 
 /// Secrets and certificate first, the configuration that names them last.
@@ -145,9 +199,16 @@ fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result
     match directories::make(&answers.data_dir) {
         Ok(_) => (),
         // The gateway controls without it, and says so.
-        Err(error) => print(&format!("data_dir {}: {error}\n", answers.data_dir.display()))?,
+        Err(error) => print(&format!(
+            "data_dir {}: {error}\n",
+            answers.data_dir.display()
+        ))?,
     }
-    if let Some((page, certificate)) = answers.page.as_ref().and_then(|page| Some((page, page.certificate.as_ref()?))) {
+    if let Some((page, certificate)) = answers
+        .page
+        .as_ref()
+        .and_then(|page| Some((page, page.certificate.as_ref()?)))
+    {
         let directory = certificate.parent().unwrap_or(Path::new("/"));
         print(&make_certificate(directory, &[], page.listen.port())?)?;
     }
@@ -155,7 +216,10 @@ fn write(out: &Path, text: &str, answers: &Answers, secrets: &Secrets) -> Result
     if let (Some((_, file)), Some(password)) = (user, &secrets.page) {
         secret(file, &format!("{}\n", hashed(password)?.as_str()))?;
     }
-    let user = answers.broker.as_ref().and_then(|broker| broker.user.as_ref());
+    let user = answers
+        .broker
+        .as_ref()
+        .and_then(|broker| broker.user.as_ref());
     if let (Some((_, file)), Some(password)) = (user, &secrets.broker) {
         secret(file, &format!("{password}\n"))?;
     }

@@ -32,8 +32,11 @@ pub enum Wanted {
 }
 
 /// The words of the answers.
-pub const WANTED: [(&str, Wanted); 3] =
-    [("none", Wanted::None), ("install", Wanted::Install), ("start", Wanted::Start)];
+pub const WANTED: [(&str, Wanted); 3] = [
+    ("none", Wanted::None),
+    ("install", Wanted::Install),
+    ("start", Wanted::Start),
+];
 
 /// What there is.
 #[derive(Clone, Debug)]
@@ -68,9 +71,18 @@ impl fmt::Display for Step {
 impl Facts {
     /// What there is on this host.
     pub fn of_host() -> Self {
-        let units = ["/etc/systemd/system", "/usr/lib/systemd/system", "/lib/systemd/system"];
-        let has_unit = units.iter().any(|dir| Path::new(dir).join("vfd-gateway.service").exists());
-        Self { program: std::env::current_exe().unwrap_or_default(), has_unit }
+        let units = [
+            "/etc/systemd/system",
+            "/usr/lib/systemd/system",
+            "/lib/systemd/system",
+        ];
+        let has_unit = units
+            .iter()
+            .any(|dir| Path::new(dir).join("vfd-gateway.service").exists());
+        Self {
+            program: std::env::current_exe().unwrap_or_default(),
+            has_unit,
+        }
     }
 }
 
@@ -80,9 +92,12 @@ pub fn why_not(out: &Path) -> Option<String> {
         return Some("this host does not run systemd".to_owned());
     }
     if !geteuid().is_root() {
-        return Some(format!("only root can: sudo vfd-gateway init --out {CONFIGURATION} --service start"));
+        return Some(format!(
+            "only root can: sudo vfd-gateway init --out {CONFIGURATION} --service start"
+        ));
     }
-    (out != Path::new(CONFIGURATION)).then(|| format!("the service reads {CONFIGURATION}: use --out {CONFIGURATION}"))
+    (out != Path::new(CONFIGURATION))
+        .then(|| format!("the service reads {CONFIGURATION}: use --out {CONFIGURATION}"))
 }
 
 /// What has to be done, in order. The configuration with its secrets is there already.
@@ -91,7 +106,10 @@ pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
     let mut steps = Vec::new();
     // What brought the unit has made its user.
     if !facts.has_unit {
-        steps.push(Step::Write("/etc/sysusers.d/vfd-gateway.conf".into(), SYSUSERS.to_owned()));
+        steps.push(Step::Write(
+            "/etc/sysusers.d/vfd-gateway.conf".into(),
+            SYSUSERS.to_owned(),
+        ));
         steps.push(run("systemd-sysusers vfd-gateway.conf"));
         let program = match facts.program.to_str() {
             Some(path @ (PROGRAM | OWN_PROGRAM)) => path,
@@ -100,21 +118,36 @@ pub fn steps(facts: &Facts, data_dir: &Path, wanted: Wanted) -> Vec<Step> {
                 OWN_PROGRAM
             }
         };
-        steps.push(Step::Write("/etc/systemd/system/vfd-gateway.service".into(), unit(program)));
+        steps.push(Step::Write(
+            "/etc/systemd/system/vfd-gateway.service".into(),
+            unit(program),
+        ));
     }
     if data_dir != Path::new(DATA_DIR) {
         let text = format!("[Service]\nReadWritePaths={}\n", data_dir.display());
-        steps.push(Step::Write("/etc/systemd/system/vfd-gateway.service.d/data-dir.conf".into(), text));
+        steps.push(Step::Write(
+            "/etc/systemd/system/vfd-gateway.service.d/data-dir.conf".into(),
+            text,
+        ));
     }
     // Passwords and keys are read by the service alone.
     steps.push(run("chown -R root:vfd-gateway /etc/vfd-gateway"));
     steps.push(run("chmod 750 /etc/vfd-gateway"));
     steps.push(Step::Run(
-        ["install", "-d", "-o", "vfd-gateway", "-g", "vfd-gateway", "-m", "700"]
-            .map(str::to_owned)
-            .into_iter()
-            .chain([data_dir.display().to_string()])
-            .collect(),
+        [
+            "install",
+            "-d",
+            "-o",
+            "vfd-gateway",
+            "-g",
+            "vfd-gateway",
+            "-m",
+            "700",
+        ]
+        .map(str::to_owned)
+        .into_iter()
+        .chain([data_dir.display().to_string()])
+        .collect(),
     ));
     steps.push(run("systemctl daemon-reload"));
     if wanted == Wanted::Start {
@@ -135,8 +168,14 @@ pub fn carry_out(steps: &[Step]) -> Result<(), Failure> {
     for (at, step) in steps.iter().enumerate() {
         print(&format!("  {step}\n"))?;
         done(step).map_err(|why| {
-            let left: String = steps.iter().skip(at).map(|step| format!("\n  {step}")).collect();
-            Failure::failed(format!("{step}: {why}. The configuration is written. Left to do:{left}"))
+            let left: String = steps
+                .iter()
+                .skip(at)
+                .map(|step| format!("\n  {step}"))
+                .collect();
+            Failure::failed(format!(
+                "{step}: {why}. The configuration is written. Left to do:{left}"
+            ))
         })?;
     }
     Ok(())
@@ -157,10 +196,19 @@ fn done(step: &Step) -> Result<(), String> {
             copied.map_err(|error| error.to_string())
         }
         Step::Run(words) => {
-            let Some((program, args)) = words.split_first() else { return Ok(()) };
-            let output = Command::new(program).args(args).output().map_err(|error| error.to_string())?;
+            let Some((program, args)) = words.split_first() else {
+                return Ok(());
+            };
+            let output = Command::new(program)
+                .args(args)
+                .output()
+                .map_err(|error| error.to_string())?;
             let said = String::from_utf8_lossy(&output.stderr);
-            if output.status.success() { Ok(()) } else { Err(format!("{}: {}", output.status, said.trim())) }
+            if output.status.success() {
+                Ok(())
+            } else {
+                Err(format!("{}: {}", output.status, said.trim()))
+            }
         }
     }
 }
@@ -177,7 +225,10 @@ mod tests {
 
     #[test]
     fn a_program_from_a_build_gets_a_place_and_a_unit_that_names_it() {
-        let facts = Facts { program: "/srv/sources/target/release/vfd-gateway".into(), has_unit: false };
+        let facts = Facts {
+            program: "/srv/sources/target/release/vfd-gateway".into(),
+            has_unit: false,
+        };
         let steps = steps(&facts, Path::new(DATA_DIR), Wanted::Start);
         let expected = [
             "write /etc/sysusers.d/vfd-gateway.conf",
@@ -196,27 +247,51 @@ mod tests {
             _ => None,
         });
         let unit = unit.unwrap();
-        assert!(unit.contains("\nExecStart=/usr/local/bin/vfd-gateway run -c /etc/vfd-gateway/vfd-gateway.toml\n"));
-        assert!(unit.contains("\nExecReload=/usr/local/bin/vfd-gateway reload -c "), "{unit}");
-        assert_eq!(unit.replace(OWN_PROGRAM, PROGRAM), UNIT, "nothing else differs");
+        assert!(unit.contains(
+            "\nExecStart=/usr/local/bin/vfd-gateway run -c /etc/vfd-gateway/vfd-gateway.toml\n"
+        ));
+        assert!(
+            unit.contains("\nExecReload=/usr/local/bin/vfd-gateway reload -c "),
+            "{unit}"
+        );
+        assert_eq!(
+            unit.replace(OWN_PROGRAM, PROGRAM),
+            UNIT,
+            "nothing else differs"
+        );
     }
 
     #[test]
     fn what_a_package_has_brought_stays_and_another_data_dir_is_allowed() {
-        let facts = Facts { program: PROGRAM.into(), has_unit: true };
+        let facts = Facts {
+            program: PROGRAM.into(),
+            has_unit: true,
+        };
         let steps = steps(&facts, Path::new("/srv/gateway"), Wanted::Install);
         let found = text(&steps);
         assert!(
-            !found.iter().any(|step| step.contains("/usr/local") || step.ends_with("vfd-gateway.service")),
+            !found
+                .iter()
+                .any(|step| step.contains("/usr/local") || step.ends_with("vfd-gateway.service")),
             "{found:?}"
         );
-        assert!(!found.iter().any(|step| step.contains("enable") || step.contains("sysusers")), "{found:?}");
+        assert!(
+            !found
+                .iter()
+                .any(|step| step.contains("enable") || step.contains("sysusers")),
+            "{found:?}"
+        );
         let drop_in = Step::Write(
             "/etc/systemd/system/vfd-gateway.service.d/data-dir.conf".into(),
             "[Service]\nReadWritePaths=/srv/gateway\n".to_owned(),
         );
         assert!(steps.contains(&drop_in), "{found:?}");
-        assert!(found.iter().any(|step| step.ends_with("-m 700 /srv/gateway")), "{found:?}");
+        assert!(
+            found
+                .iter()
+                .any(|step| step.ends_with("-m 700 /srv/gateway")),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -235,8 +310,15 @@ mod tests {
             run("never"),
         ];
         let told = carry_out(&steps).unwrap_err().to_string();
-        assert!(told.starts_with("false: exit status: 1") && told.ends_with("Left to do:\n  false\n  never"), "{told}");
+        assert!(
+            told.starts_with("false: exit status: 1")
+                && told.ends_with("Left to do:\n  false\n  never"),
+            "{told}"
+        );
         assert_eq!(std::fs::read_to_string(file).unwrap(), "[Unit]\n");
-        assert_eq!(std::fs::metadata(to).unwrap().permissions().mode() & 0o777, 0o755);
+        assert_eq!(
+            std::fs::metadata(to).unwrap().permissions().mode() & 0o777,
+            0o755
+        );
     }
 }

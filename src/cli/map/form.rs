@@ -49,7 +49,10 @@ fn cells(map: &Map, row: &SheetRow) -> [String; 22] {
         map.unit.to_string(),
         map.kind.to_owned(),
         map.drive.clone().unwrap_or_default(),
-        map.model.as_ref().map(|(model, _)| model.clone()).unwrap_or_default(),
+        map.model
+            .as_ref()
+            .map(|(model, _)| model.clone())
+            .unwrap_or_default(),
         row.of.clone(),
         row.table.word().to_owned(),
         row.address.to_string(),
@@ -81,7 +84,11 @@ fn quoted(cell: &str) -> String {
     if !is_formula && !cell.contains([',', '"', '\n', '\r']) {
         return cell.to_owned();
     }
-    format!("\"{}{}\"", if is_formula { "'" } else { "" }, cell.replace('"', "\"\""))
+    format!(
+        "\"{}{}\"",
+        if is_formula { "'" } else { "" },
+        cell.replace('"', "\"\"")
+    )
 }
 
 /// A heading and a table for each unit.
@@ -101,14 +108,29 @@ fn section(text: &mut String, map: &Map) {
         (Some(drive), Some((model, line))) => format!("{drive}, {} ({model} on {line})", map.kind),
         _ => "the gateway itself (unit 0 reads the same)".to_owned(),
     };
-    let _ = write!(text, "\n## Unit {}: {head}\n\nAt {}\n\n", map.unit, map.listeners.join(", "));
+    let _ = write!(
+        text,
+        "\n## Unit {}: {head}\n\nAt {}\n\n",
+        map.unit,
+        map.listeners.join(", ")
+    );
     let is_of_several = map.rows.iter().any(|row| !row.of.is_empty());
     let of = if is_of_several { "of | " } else { "" };
-    let _ =
-        writeln!(text, "| table | address | number | {of}functions (hex) | access | what | format | step | values |");
-    let _ = writeln!(text, "|{}", " --- |".repeat(if is_of_several { 10 } else { 9 }));
+    let _ = writeln!(
+        text,
+        "| table | address | number | {of}functions (hex) | access | what | format | step | values |"
+    );
+    let _ = writeln!(
+        text,
+        "|{}",
+        " --- |".repeat(if is_of_several { 10 } else { 9 })
+    );
     for row in &map.rows {
-        let of = if is_of_several { format!("{} | ", escaped(&row.of)) } else { String::new() };
+        let of = if is_of_several {
+            format!("{} | ", escaped(&row.of))
+        } else {
+            String::new()
+        };
         let _ = writeln!(
             text,
             "| {} | {} | {} | {of}{} | {} | {} | {} | {} | {} |",
@@ -128,24 +150,47 @@ fn section(text: &mut String, map: &Map) {
 /// The addresses, also in hexadecimal if they are large.
 fn span(row: &SheetRow) -> String {
     let last = row.address.saturating_add(row.count.saturating_sub(1));
-    let hex = if row.address > 9 { format!(" ({})", hex(row)) } else { String::new() };
-    if row.count > 1 { format!("{} to {last}", row.address) } else { format!("{}{hex}", row.address) }
+    let hex = if row.address > 9 {
+        format!(" ({})", hex(row))
+    } else {
+        String::new()
+    };
+    if row.count > 1 {
+        format!("{} to {last}", row.address)
+    } else {
+        format!("{}{hex}", row.address)
+    }
 }
 
 fn numbers(row: &SheetRow) -> String {
-    let numbers = [Some(row.table.number(row.address)), row.table.input_number(row.address)];
+    let numbers = [
+        Some(row.table.number(row.address)),
+        row.table.input_number(row.address),
+    ];
     numbers.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn what(row: &SheetRow) -> String {
-    let code = if row.code.is_empty() { String::new() } else { format!("{} ", row.code) };
-    let name = if row.name.is_empty() { String::new() } else { format!(" (`{}`)", row.name) };
+    let code = if row.code.is_empty() {
+        String::new()
+    } else {
+        format!("{} ", row.code)
+    };
+    let name = if row.name.is_empty() {
+        String::new()
+    } else {
+        format!(" (`{}`)", row.name)
+    };
     format!("{code}{}{name}", row.title)
 }
 
 fn values(row: &SheetRow) -> String {
     let parts = [row.meaning.as_str(), row.special.as_str()];
-    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
+    parts
+        .into_iter()
+        .filter(|part| !part.is_empty())
+        .collect::<Vec<_>>()
+        .join("; ")
 }
 
 /// Without characters that would end a cell.
@@ -161,7 +206,11 @@ pub fn json(maps: &[Map]) -> String {
 
 fn of_map(map: &Map) -> Value {
     let (model, line) = map.model.clone().unzip();
-    let rows: Vec<_> = map.rows.iter().map(|row| of_row(row, map.kind == "native")).collect();
+    let rows: Vec<_> = map
+        .rows
+        .iter()
+        .map(|row| of_row(row, map.kind == "native"))
+        .collect();
     json!({
         "unit": map.unit, "kind": map.kind, "drive": map.drive, "model": model, "line": line,
         "listen": map.listeners, "rows": rows,
@@ -169,7 +218,13 @@ fn of_map(map: &Map) -> Value {
 }
 
 fn of_row(row: &SheetRow, is_native: bool) -> Value {
-    let given = |text: &str| if text.is_empty() { Value::Null } else { text.into() };
+    let given = |text: &str| {
+        if text.is_empty() {
+            Value::Null
+        } else {
+            text.into()
+        }
+    };
     json!({
         "table": row.table.word(), "address": row.address, "count": row.count,
         "number": row.table.number(row.address), "input_number": row.table.input_number(row.address),
@@ -205,6 +260,9 @@ mod tests {
             assert_eq!(quoted(cell), right);
         }
         assert_eq!(escaped("a|b\nc"), "a\\|b c");
-        assert_eq!(["0.01", "1/4", ""].map(number), [Some(0.01), Some(0.25), None]);
+        assert_eq!(
+            ["0.01", "1/4", ""].map(number),
+            [Some(0.01), Some(0.25), None]
+        );
     }
 }

@@ -68,7 +68,10 @@ pub fn map(args: &Args) -> Result<(), Failure> {
         let units: Vec<_> = maps.iter().map(|map| map.unit.to_string()).collect();
         maps.retain(|map| map.unit == unit);
         if maps.is_empty() {
-            return Err(Failure::wrong(format!("there is no unit {unit}; units are {}", units.join(", "))));
+            return Err(Failure::wrong(format!(
+                "there is no unit {unit}; units are {}",
+                units.join(", ")
+            )));
         }
     }
     print(&match (args.json, args.format) {
@@ -81,13 +84,23 @@ pub fn map(args: &Args) -> Result<(), Failure> {
 /// The maps of all units: each drive's two in the order of the file, then the gateway's.
 fn maps(config: &Config) -> Vec<Map> {
     let shared = build::shared(config);
-    let drives: Vec<_> = shared.drives.iter().map(|drive| &drive.description).collect();
+    let drives: Vec<_> = shared
+        .drives
+        .iter()
+        .map(|drive| &drive.description)
+        .collect();
     let mut maps = Vec::new();
     for drive in &drives {
-        maps.extend(of_drive(config, drive, drive.unit, "native", |rights| sheet::native(drive, rights)));
-        maps.extend(of_drive(config, drive, drive.uniform_unit, "uniform", |rights| {
-            named(sheet::uniform(drive, rights))
+        maps.extend(of_drive(config, drive, drive.unit, "native", |rights| {
+            sheet::native(drive, rights)
         }));
+        maps.extend(of_drive(
+            config,
+            drive,
+            drive.uniform_unit,
+            "uniform",
+            |rights| named(sheet::uniform(drive, rights)),
+        ));
     }
     let lines: Vec<_> = config.lines.iter().map(|line| line.name.as_str()).collect();
     let names: Vec<_> = drives.iter().map(|drive| drive.name.as_str()).collect();
@@ -109,8 +122,14 @@ type Server<'c> = (String, &'c ListenerSettings);
 
 /// All of them, listeners first.
 fn servers(config: &Config) -> Vec<Server<'_>> {
-    let listeners = config.listeners.iter().map(|listener| (listener.listen.to_string(), listener));
-    let masters = config.serial_masters.iter().map(|master| (format!("modbus-rtu:{}", master.name), &master.serving));
+    let listeners = config
+        .listeners
+        .iter()
+        .map(|listener| (listener.listen.to_string(), listener));
+    let masters = config
+        .serial_masters
+        .iter()
+        .map(|master| (format!("modbus-rtu:{}", master.name), &master.serving));
     listeners.chain(masters).collect()
 }
 
@@ -138,12 +157,20 @@ fn of_drive(
 /// The rights that at least one of `servers` grants to some client.
 fn rights(servers: &[Server<'_>]) -> Rights {
     let all = servers.iter().map(|(_, server)| of_listener(server));
-    all.fold(Rights::NONE, |rights, more| Rights { write: rights.write || more.write, stop: rights.stop || more.stop })
+    all.fold(Rights::NONE, |rights, more| Rights {
+        write: rights.write || more.write,
+        stop: rights.stop || more.stop,
+    })
 }
 
 /// The rights that `listener` grants to some client, by addresses and roles.
 fn of_listener(listener: &ListenerSettings) -> Rights {
-    let has_role = |may: fn(&Rights) -> bool| listener.tls.as_ref().is_none_or(|tls| tls.roles.values().any(may));
+    let has_role = |may: fn(&Rights) -> bool| {
+        listener
+            .tls
+            .as_ref()
+            .is_none_or(|tls| tls.roles.values().any(may))
+    };
     let stop = listener.stop.as_ref().unwrap_or(&listener.write);
     Rights {
         write: !listener.write.is_empty() && has_role(|role| role.write),
@@ -154,11 +181,22 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
 /// The rows with the names that `read` and `watch` use.
 fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
     let name = |row: &SheetRow| {
-        let is_word = !matches!(row.table, sheet::SheetTable::Coil | sheet::SheetTable::Discrete);
-        let word = UNIFORM.iter().find(|word| word.address == row.address).filter(|_| is_word);
+        let is_word = !matches!(
+            row.table,
+            sheet::SheetTable::Coil | sheet::SheetTable::Discrete
+        );
+        let word = UNIFORM
+            .iter()
+            .find(|word| word.address == row.address)
+            .filter(|_| is_word);
         word.map_or_else(String::new, |word| word.name.to_owned())
     };
-    rows.into_iter().map(|row| SheetRow { name: name(&row), ..row }).collect()
+    rows.into_iter()
+        .map(|row| SheetRow {
+            name: name(&row),
+            ..row
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -170,17 +208,25 @@ mod tests {
 
     fn maps_of(file: &str) -> Vec<Map> {
         let catalog = vendors::catalog();
-        let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+        let text =
+            std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
         maps(&config::load(&text, &catalog).unwrap())
     }
 
     /// Compared with `tests/golden/map/`, and written there with `UPDATE_GOLDEN`.
     fn is_golden(name: &str, found: &str) {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/map").join(name);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/golden/map")
+            .join(name);
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, found).unwrap();
         }
-        assert_eq!(found, std::fs::read_to_string(&path).unwrap(), "{}", path.display());
+        assert_eq!(
+            found,
+            std::fs::read_to_string(&path).unwrap(),
+            "{}",
+            path.display()
+        );
     }
 
     #[test]
@@ -195,12 +241,29 @@ mod tests {
     fn json_holds_every_row_of_the_other_forms() {
         let maps = maps_of("tests/golden/config/several_vendors.toml");
         let value: serde_json::Value = serde_json::from_str(&form::json(&maps)).unwrap();
-        let rows: usize =
-            value["maps"].as_array().unwrap().iter().map(|map| map["rows"].as_array().unwrap().len()).sum();
+        let rows: usize = value["maps"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|map| map["rows"].as_array().unwrap().len())
+            .sum();
         assert_eq!(rows + 1, form::csv(&maps).lines().count());
-        let uniform = value["maps"].as_array().unwrap().iter().find(|map| map["unit"] == 103).unwrap();
-        let word = uniform["rows"].as_array().unwrap().iter().find(|row| row["name"] == "output_frequency").unwrap();
-        assert_eq!((&word["address"], &word["number"], &word["unit"]), (&4.into(), &"40005".into(), &"Hz".into()));
+        let uniform = value["maps"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|map| map["unit"] == 103)
+            .unwrap();
+        let word = uniform["rows"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|row| row["name"] == "output_frequency")
+            .unwrap();
+        assert_eq!(
+            (&word["address"], &word["number"], &word["unit"]),
+            (&4.into(), &"40005".into(), &"Hz".into())
+        );
     }
 
     #[test]
@@ -212,7 +275,8 @@ mod tests {
             // Some client must be able to command the drive that accepts commands from here.
             let other = format!("{keys}\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1503\"\n{write}");
             let text = text.replace(write, &other);
-            let config = config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));
+            let config =
+                config::load(&text, &catalog).unwrap_or_else(|problems| panic!("{problems:?}"));
             let Rights { write, stop } = of_listener(&config.listeners[0]);
             (write, stop)
         };
@@ -232,9 +296,17 @@ mod tests {
     fn every_word_of_a_uniform_unit_but_the_reserved_has_a_name() {
         let maps = maps_of("deploy/vfd-gateway.toml");
         let uniform = maps.iter().find(|map| map.kind == "uniform").unwrap();
-        let nameless = uniform.rows.iter().filter(|row| row.name.is_empty() && row.title != "reserved");
-        let titles: Vec<_> =
-            nameless.filter(|row| row.table.word().ends_with("register")).map(|row| &row.title).collect();
-        assert_eq!(titles, ["write any value: renew the lease; reads lease left"]);
+        let nameless = uniform
+            .rows
+            .iter()
+            .filter(|row| row.name.is_empty() && row.title != "reserved");
+        let titles: Vec<_> = nameless
+            .filter(|row| row.table.word().ends_with("register"))
+            .map(|row| &row.title)
+            .collect();
+        assert_eq!(
+            titles,
+            ["write any value: renew the lease; reads lease left"]
+        );
     }
 }

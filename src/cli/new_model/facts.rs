@@ -19,7 +19,11 @@ pub enum Evidence {
 impl Evidence {
     /// The keys `confidence` and `source`.
     pub fn keys(&self) -> String {
-        format!("confidence = \"{}\"\nsource = {}\n", self.grade(), json!(self.source()))
+        format!(
+            "confidence = \"{}\"\nsource = {}\n",
+            self.grade(),
+            json!(self.source())
+        )
     }
 
     /// Its grade, as model files write it.
@@ -118,7 +122,9 @@ impl RunFacts {
     /// The words by the names of their orders.
     pub fn words(&self) -> impl Iterator<Item = (&'static str, &WordFacts)> {
         let reverse = self.reverse.iter().map(|word| ("reverse", word));
-        [("stop", &self.stop), ("forward", &self.forward)].into_iter().chain(reverse)
+        [("stop", &self.stop), ("forward", &self.forward)]
+            .into_iter()
+            .chain(reverse)
     }
 }
 
@@ -173,7 +179,12 @@ impl Facts {
         self.orders(&mut text);
         for setup in &self.setup {
             let what = json!(setup.code);
-            let _ = write!(text, "\n[[setup]]\nwhat = {what}\ntext = {}\n{}", json!(setup.text), setup.evidence.keys());
+            let _ = write!(
+                text,
+                "\n[[setup]]\nwhat = {what}\ntext = {}\n{}",
+                json!(setup.text),
+                setup.evidence.keys()
+            );
         }
         for register in &self.registers {
             text.push_str(&register.text());
@@ -190,15 +201,26 @@ impl Facts {
             let _ = writeln!(text, "# Left out: {what}");
         }
         let (id, vendor, title) = (json!(self.id), json!(self.vendor), json!(self.title));
-        let _ = write!(text, "\nid = {id}\nvendor = {vendor}\ntitle = {title}\n\n[documents]\n");
+        let _ = write!(
+            text,
+            "\nid = {id}\nvendor = {vendor}\ntitle = {title}\n\n[documents]\n"
+        );
         let mut document = |short: &str, title: &str, kind: &str| {
-            let _ = writeln!(text, "{short} = {{ title = {}, kind = \"{kind}\", of = [{id}] }}", json!(title));
+            let _ = writeln!(
+                text,
+                "{short} = {{ title = {}, kind = \"{kind}\", of = [{id}] }}",
+                json!(title)
+            );
         };
         if let Some(manual) = &self.documents.manual {
             document("UM", manual, "manual");
         }
         if let Some(date) = &self.documents.answered_on {
-            document("SN", &format!("Answers to the questions of `models new`, {date}"), "site-note");
+            document(
+                "SN",
+                &format!("Answers to the questions of `models new`, {date}"),
+                "site-note",
+            );
         }
         if let Some(template) = &self.documents.template {
             document("TP", template, "register-map");
@@ -211,7 +233,12 @@ impl Facts {
         let _ = writeln!(text, "\n[link]");
         match &self.link {
             Some((link, evidence)) => {
-                let LinkSettings { baud, data_bits, parity, stop_bits } = link;
+                let LinkSettings {
+                    baud,
+                    data_bits,
+                    parity,
+                    stop_bits,
+                } = link;
                 let parity = word_for(&PARITIES, parity);
                 let of = evidence.inline();
                 let _ = write!(
@@ -241,7 +268,11 @@ impl Facts {
 
     fn exchange(&self, text: &mut String) {
         let of = self.evidence.keys();
-        let functions: Vec<_> = self.functions.iter().map(|function| format!("0x{function:02X}")).collect();
+        let functions: Vec<_> = self
+            .functions
+            .iter()
+            .map(|function| format!("0x{function:02X}"))
+            .collect();
         let _ = write!(
             text,
             "\n[timing]\ngap_chars = {{ value = 3.5, {inline} }}\n\
@@ -260,10 +291,19 @@ impl Facts {
         if let Some(run) = &self.run {
             text.push_str("\n[run]\nform = \"values\"\n");
             for (name, WordFacts { value, evidence }) in run.words() {
-                let _ = writeln!(text, "{name} = {{ value = 0x{value:04X}, {} }}", evidence.inline());
+                let _ = writeln!(
+                    text,
+                    "{name} = {{ value = 0x{value:04X}, {} }}",
+                    evidence.inline()
+                );
             }
         }
-        for FlagFacts { flag, mask, evidence } in &self.flags {
+        for FlagFacts {
+            flag,
+            mask,
+            evidence,
+        } in &self.flags
+        {
             let of = evidence.keys();
             let _ = write!(
                 text,
@@ -275,7 +315,11 @@ impl Facts {
 
 impl RegisterFacts {
     fn text(&self) -> String {
-        let mut text = format!("\n[[register]]\nname = {}\ntitle = {}\n", json!(self.name), json!(self.title));
+        let mut text = format!(
+            "\n[[register]]\nname = {}\ntitle = {}\n",
+            json!(self.name),
+            json!(self.title)
+        );
         let _ = writeln!(text, "address = 0x{:04X}", self.address);
         if let Some(table) = self.table {
             let _ = writeln!(text, "table = \"{table}\"");
@@ -283,7 +327,11 @@ impl RegisterFacts {
         if self.scale != 1 {
             let _ = writeln!(text, "scale = {}", self.scale);
         }
-        let _ = writeln!(text, "unit = \"{}\"\naccess = \"{}\"", self.unit, self.access);
+        let _ = writeln!(
+            text,
+            "unit = \"{}\"\naccess = \"{}\"",
+            self.unit, self.access
+        );
         if self.signed {
             text.push_str("signed = true\n");
         }

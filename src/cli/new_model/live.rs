@@ -33,17 +33,34 @@ pub struct Live {
 impl Live {
     /// Opens the port, if one is given. Listens first, and refuses a line with traffic.
     pub fn open(args: &LiveArgs) -> Result<Option<Self>, Failure> {
-        let (Some(port), Some(station)) = (&args.port, args.station) else { return Ok(None) };
+        let (Some(port), Some(station)) = (&args.port, args.station) else {
+            return Ok(None);
+        };
         let parity = args.link.parity().unwrap_or(Parity::None);
-        let link = LinkSettings { baud: args.baud, data_bits: 8, parity, stop_bits: args.link.stop_bits.unwrap_or(1) };
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-        let reads = runtime.block_on(SingleReads::open(port, link, args.link.direction(), station))?;
+        let link = LinkSettings {
+            baud: args.baud,
+            data_bits: 8,
+            parity,
+            stop_bits: args.link.stop_bits.unwrap_or(1),
+        };
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(Failure::failed)?;
+        let reads = runtime.block_on(SingleReads::open(
+            port,
+            link,
+            args.link.direction(),
+            station,
+        ))?;
         Ok(Some(Self { runtime, reads }))
     }
 
     /// The word of the holding register at `address`, or why there is none, for people.
     pub fn read(&mut self, address: u16) -> Result<Result<u16, String>, Failure> {
-        let heard = self.runtime.block_on(self.reads.read(Address::holding(address)))?;
+        let heard = self
+            .runtime
+            .block_on(self.reads.read(Address::holding(address)))?;
         Ok(match heard {
             Heard::Word(word) => Ok(word),
             Heard::Exception(code) => Err(format!("the drive answers with exception {code}")),

@@ -45,23 +45,37 @@ pub struct Args {
 
 /// As model files require it.
 fn identifier(text: &str) -> Result<String, String> {
-    let is_part =
-        |part: &str| !part.is_empty() && part.bytes().all(|it| it.is_ascii_lowercase() || it.is_ascii_digit());
+    let is_part = |part: &str| {
+        !part.is_empty()
+            && part
+                .bytes()
+                .all(|it| it.is_ascii_lowercase() || it.is_ascii_digit())
+    };
     let parts: Vec<_> = text.split('-').collect();
     if parts.len() < 2 || !parts.iter().all(|part| is_part(part)) {
-        return Err("maker and series in lower case, with hyphens between, such as acme-flux-2".to_owned());
+        return Err(
+            "maker and series in lower case, with hyphens between, such as acme-flux-2".to_owned(),
+        );
     }
     match vendors::catalog().find(text) {
-        Some(_) => Err(format!("{text} is built in; `vfd-gateway models show {text} --toml` prints it")),
+        Some(_) => Err(format!(
+            "{text} is built in; `vfd-gateway models show {text} --toml` prints it"
+        )),
         None => Ok(text.to_owned()),
     }
 }
 
 /// Asks, writes the file, checks it, and plays it.
 pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.toml", args.id)));
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(format!("{}.toml", args.id)));
     if out.exists() {
-        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+        return Err(Failure::wrong(format!(
+            "{} already exists and is not overwritten",
+            out.display()
+        )));
     }
     if let Some(base) = &args.like {
         written(&out, &skeleton::like(&args.id, &*input::model(base, own)?))?;
@@ -69,7 +83,10 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     }
     if args.skeleton {
         written(&out, &skeleton::skeleton(&args.id))?;
-        return print(&format!("`vfd-gateway models check {}` lists what is left to fill\n", out.display()));
+        return print(&format!(
+            "`vfd-gateway models check {}` lists what is left to fill\n",
+            out.display()
+        ));
     }
     let facts = match &args.template {
         Some(file) => template::facts(&args.id, file, &input::read(file)?)?,
@@ -78,7 +95,10 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     let text = facts.text();
     written(&out, &text)?;
     super::models::check_file(&out, &ModelDirs::default())?;
-    print(&format!("On a simulated drive: {}\n", played(&args.id, &out, &text)?))
+    print(&format!(
+        "On a simulated drive: {}\n",
+        played(&args.id, &out, &text)?
+    ))
 }
 
 fn written(out: &Path, text: &str) -> Result<(), Failure> {
@@ -92,11 +112,21 @@ fn asked(args: &Args, out: &Path) -> Result<facts::Facts, Failure> {
     let mut live = Live::open(&args.live)?;
     let date = calendar::day(clock::wall());
     let questions = Questions::new(io::stdin().lock());
-    let mut interview = Interview { questions, live: live.as_mut(), has_manual: false };
+    let mut interview = Interview {
+        questions,
+        live: live.as_mut(),
+        has_manual: false,
+    };
     let facts = interview.facts(&args.id, &date).and_then(|facts| {
         print(&summary::of(&facts))?;
-        let agrees = interview.questions.yes(&format!("Write this to {}", out.display()), true)?;
-        if agrees { Ok(facts) } else { Err(Failure::wrong("nothing was written")) }
+        let agrees = interview
+            .questions
+            .yes(&format!("Write this to {}", out.display()), true)?;
+        if agrees {
+            Ok(facts)
+        } else {
+            Err(Failure::wrong("nothing was written"))
+        }
     });
     if let Some(live) = live {
         live.close();
@@ -107,11 +137,15 @@ fn asked(args: &Args, out: &Path) -> Result<facts::Facts, Failure> {
 /// The model alone in a directory of its own, because others beside it may have mistakes.
 fn played(id: &str, file: &Path, text: &str) -> Result<String, Failure> {
     let name = file.display().to_string();
-    let catalog =
-        vendors::catalog().with_texts([(name, text)]).map_err(|_| Failure::failed("the file is not sound"))?;
-    let model = catalog.find(id).ok_or_else(|| Failure::failed(format!("no model is called {id}")))?;
+    let catalog = vendors::catalog()
+        .with_texts([(name, text)])
+        .map_err(|_| Failure::failed("the file is not sound"))?;
+    let model = catalog
+        .find(id)
+        .ok_or_else(|| Failure::failed(format!("no model is called {id}")))?;
     let directory = super::own_gateway::Directory::new()?;
     let alone = directory.path().join("model.toml");
-    std::fs::write(&alone, text).map_err(|error| Failure::failed(format!("{}: {error}", alone.display())))?;
+    std::fs::write(&alone, text)
+        .map_err(|error| Failure::failed(format!("{}: {error}", alone.display())))?;
     trial::play(model, directory.path().to_path_buf())
 }

@@ -13,25 +13,41 @@ pub fn names(id: &str) -> (String, String) {
     let mut parts = id.split('-').map(capitalised);
     let vendor = parts.next().unwrap_or_default();
     let title = parts.collect::<Vec<_>>().join(" ");
-    if title.is_empty() { (vendor.clone(), vendor) } else { (vendor, title) }
+    if title.is_empty() {
+        (vendor.clone(), vendor)
+    } else {
+        (vendor, title)
+    }
 }
 
 /// `part` with its first letter in upper case.
 pub(super) fn capitalised(part: &str) -> String {
     let mut chars = part.chars();
-    chars.next().map(|first| first.to_ascii_uppercase()).into_iter().chain(chars).collect()
+    chars
+        .next()
+        .map(|first| first.to_ascii_uppercase())
+        .into_iter()
+        .chain(chars)
+        .collect()
 }
 
 /// The skeleton for `id`, with a place for each fact that a drive needs.
 pub fn skeleton(id: &str) -> String {
     let (vendor, title) = names(id);
-    SKELETON.replace("@ID@", id).replace("@VENDOR@", &vendor).replace("@TITLE@", &title)
+    SKELETON
+        .replace("@ID@", id)
+        .replace("@VENDOR@", &vendor)
+        .replace("@TITLE@", &title)
 }
 
 /// A file for `id` that begins from `base`, with what has to be stated again so that the drive takes orders.
 pub fn like(id: &str, base: &Model) -> String {
     let (_, title) = names(id);
-    let is_free = |name: &&str| base.documents.iter().all(|document| document.name != **name);
+    let is_free = |name: &&str| {
+        base.documents
+            .iter()
+            .all(|document| document.name != **name)
+    };
     let document = DOCUMENTS.into_iter().find(is_free).unwrap_or("NEWMANUAL");
     let mut text = format!(
         "# A drive that is like another one. Everything that is not said here is taken over from `{base}`, and is `sibling` from\n\
@@ -58,17 +74,30 @@ pub fn like(id: &str, base: &Model) -> String {
     }
     text.push_str("\n# Stop, forward and the registers below decide whether the drive takes orders.\n# [run]\n");
     for (kind, key) in [(OrderKind::Stop, "stop"), (OrderKind::Forward, "forward")] {
-        let Some((address, fact)) = base.order(kind) else { continue };
-        let own = base.register_for(Role::RunCommand).is_none_or(|register| register.address != address);
-        let place = base.registers.iter().find(|register| own && register.address == address);
-        let place = place.map(|register| format!("register = \"{}\", ", register.name)).unwrap_or_default();
+        let Some((address, fact)) = base.order(kind) else {
+            continue;
+        };
+        let own = base
+            .register_for(Role::RunCommand)
+            .is_none_or(|register| register.address != address);
+        let place = base
+            .registers
+            .iter()
+            .find(|register| own && register.address == address);
+        let place = place
+            .map(|register| format!("register = \"{}\", ", register.name))
+            .unwrap_or_default();
         let _ = writeln!(
             text,
             "# {key} = {{ {place}value = 0x{:04X}, confidence = \"manual\", source = \"{document} 1\" }}",
             fact.value
         );
     }
-    for role in [Role::RunCommand, Role::FrequencyCommand, Role::OutputFrequency] {
+    for role in [
+        Role::RunCommand,
+        Role::FrequencyCommand,
+        Role::OutputFrequency,
+    ] {
         if let Some(register) = base.register_for(role) {
             stated_again(&mut text, register, document);
         }
@@ -124,12 +153,20 @@ mod tests {
     fn what_is_told_of_a_skeleton_is_what_is_to_fill() {
         let text = skeleton("acme-flux-2");
         let problems = check::model(&text).unwrap_err();
-        let told: Vec<_> = problems.iter().map(|problem| problem.place_in(&text).0).collect();
-        let is_open =
-            |line: &str| !line.starts_with('#') && (line.contains("\"?\"") || line.contains("source = \"UM\""));
+        let told: Vec<_> = problems
+            .iter()
+            .map(|problem| problem.place_in(&text).0)
+            .collect();
+        let is_open = |line: &str| {
+            !line.starts_with('#') && (line.contains("\"?\"") || line.contains("source = \"UM\""))
+        };
         for (number, line) in (1..).zip(text.lines()) {
             let code = line.split(" #").next().unwrap_or_default();
-            assert_eq!(told.contains(&number), is_open(code), "line {number}: {line}\n{problems:#?}");
+            assert_eq!(
+                told.contains(&number),
+                is_open(code),
+                "line {number}: {line}\n{problems:#?}"
+            );
         }
     }
 
@@ -141,7 +178,10 @@ mod tests {
         }
         // The comment on top names the mark.
         let model = check::model(&text).unwrap_or_else(|problems| panic!("{problems:#?}\n{text}"));
-        assert_eq!((model.vendor.as_str(), model.title.as_str()), ("Acme", "Flux 2"));
+        assert_eq!(
+            (model.vendor.as_str(), model.title.as_str()),
+            ("Acme", "Flux 2")
+        );
         assert!(model.may_be_ordered(&[]));
     }
 
@@ -151,11 +191,24 @@ mod tests {
         for base in catalog.models() {
             let text = like("acme-flux-2", base);
             let joined = catalog.clone().with_texts([("own.toml", text.as_str())]);
-            let joined = joined.unwrap_or_else(|problems| panic!("{}: {problems:?}\n{text}", base.id));
+            let joined =
+                joined.unwrap_or_else(|problems| panic!("{}: {problems:?}\n{text}", base.id));
             let model = joined.find("acme-flux-2").unwrap();
-            assert!(base.run.is_none() || !model.may_be_ordered(&[]), "{}: nothing of it is proven", base.id);
-            for (kind, key) in [(OrderKind::Stop, "# stop = "), (OrderKind::Forward, "# forward = ")] {
-                assert_eq!(text.contains(key), base.order(kind).is_some(), "{}: {key}", base.id);
+            assert!(
+                base.run.is_none() || !model.may_be_ordered(&[]),
+                "{}: nothing of it is proven",
+                base.id
+            );
+            for (kind, key) in [
+                (OrderKind::Stop, "# stop = "),
+                (OrderKind::Forward, "# forward = "),
+            ] {
+                assert_eq!(
+                    text.contains(key),
+                    base.order(kind).is_some(),
+                    "{}: {key}",
+                    base.id
+                );
             }
         }
     }

@@ -15,32 +15,53 @@ const SCALE_MAX: u32 = 10_000;
 /// The model called `id` from the template `text` in `file`.
 pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
     let wrong = |what: String| Failure::wrong(format!("{}: {what}", file.display()));
-    let json: Value = serde_json::from_str(text).map_err(|error| wrong(format!("it is not JSON: {error}")))?;
+    let json: Value =
+        serde_json::from_str(text).map_err(|error| wrong(format!("it is not JSON: {error}")))?;
     let device = &json["device"];
     let Some(channels) = device["channels"].as_array() else {
-        return Err(wrong("it has no `device.channels`, and is no device template of wb-mqtt-serial".to_owned()));
+        return Err(wrong(
+            "it has no `device.channels`, and is no device template of wb-mqtt-serial".to_owned(),
+        ));
     };
-    let name = file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let title = device["name"].as_str().or(json["device_type"].as_str()).unwrap_or(id);
+    let name = file
+        .file_name()
+        .map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let title = device["name"]
+        .as_str()
+        .or(json["device_type"].as_str())
+        .unwrap_or(id);
     let (maker, series) = id.split_once('-').unwrap_or((id, id));
     let mut registers = Registers::default();
     for channel in channels.iter().take(CHANNELS_MAX) {
         registers.add(channel);
     }
     if channels.len() > CHANNELS_MAX {
-        registers.left_out.push(format!("all channels after the first {CHANNELS_MAX}"));
+        registers
+            .left_out
+            .push(format!("all channels after the first {CHANNELS_MAX}"));
     }
-    if device["setup"].as_array().is_some_and(|setup| !setup.is_empty()) {
-        registers.left_out.push("`setup`, which writes to the drive".to_owned());
+    if device["setup"]
+        .as_array()
+        .is_some_and(|setup| !setup.is_empty())
+    {
+        registers
+            .left_out
+            .push("`setup`, which writes to the drive".to_owned());
     }
     if registers.taken.is_empty() {
-        return Err(wrong("no channel of it is a whole 16-bit register with decimal steps".to_owned()));
+        return Err(wrong(
+            "no channel of it is a whole 16-bit register with decimal steps".to_owned(),
+        ));
     }
     Ok(Facts {
         id: id.to_owned(),
         vendor: maker.to_owned(),
         title: series.to_owned(),
-        documents: Documents { template: Some(format!("{title}, {name} of wb-mqtt-serial")), ..Documents::default() },
+        documents: Documents {
+            template: Some(format!("{title}, {name} of wb-mqtt-serial")),
+            ..Documents::default()
+        },
         link: None,
         max_words: 1,
         functions: registers.functions(),
@@ -63,7 +84,10 @@ struct Registers {
 
 impl Registers {
     fn add(&mut self, channel: &Value) {
-        let title = channel["name"].as_str().unwrap_or("a channel without a name").replace(['\n', '\r'], " ");
+        let title = channel["name"]
+            .as_str()
+            .unwrap_or("a channel without a name")
+            .replace(['\n', '\r'], " ");
         match self.register(channel, &title) {
             Ok(register) => self.taken.push(register),
             Err(why) => self.left_out.push(format!("{title}: {why}")),
@@ -76,7 +100,12 @@ impl Registers {
             Some("input") => Some("input"),
             Some("coil") => Some("coil"),
             Some("discrete") => Some("discrete"),
-            other => return Err(format!("registers of type {} are not known here", other.unwrap_or("none"))),
+            other => {
+                return Err(format!(
+                    "registers of type {} are not known here",
+                    other.unwrap_or("none")
+                ));
+            }
         };
         let address = address(&channel["address"])?;
         let signed = match channel["format"].as_str().unwrap_or("u16") {
@@ -86,7 +115,10 @@ impl Registers {
             other => return Err(format!("format {other} is not a whole 16-bit word")),
         };
         let scale = scale(channel["scale"].as_f64().unwrap_or(1.0))?;
-        if channel["offset"].as_f64().is_some_and(|offset| offset != 0.0) {
+        if channel["offset"]
+            .as_f64()
+            .is_some_and(|offset| offset != 0.0)
+        {
             return Err("it has an offset".to_owned());
         }
         if !self.known.insert((table, address)) {
@@ -135,7 +167,12 @@ impl Registers {
             Some(_) => 0x04,
             None => 0x03,
         };
-        self.taken.iter().map(function).collect::<BTreeSet<u8>>().into_iter().collect()
+        self.taken
+            .iter()
+            .map(function)
+            .collect::<BTreeSet<u8>>()
+            .into_iter()
+            .collect()
     }
 }
 
@@ -143,30 +180,48 @@ impl Registers {
 fn address(value: &Value) -> Result<u16, String> {
     let number = match value {
         Value::Number(number) => number.as_u64(),
-        Value::String(text) if text.contains(':') => return Err(format!("{text} is a part of a register")),
+        Value::String(text) if text.contains(':') => {
+            return Err(format!("{text} is a part of a register"));
+        }
         Value::String(text) => match text.strip_prefix("0x") {
             Some(digits) => u64::from_str_radix(digits, 16).ok(),
             None => text.parse().ok(),
         },
         _ => None,
     };
-    number.and_then(|number| u16::try_from(number).ok()).ok_or_else(|| format!("{value} is no address"))
+    number
+        .and_then(|number| u16::try_from(number).ok())
+        .ok_or_else(|| format!("{value} is no address"))
 }
 
 /// Steps in one unit; a template states the size of a step.
 fn scale(step: f64) -> Result<u32, String> {
     let scales = [1, 10, 100, 1000, SCALE_MAX];
     let fits = |scale: &u32| (step * f64::from(*scale) - 1.0).abs() < 1e-6;
-    scales.into_iter().find(fits).ok_or_else(|| format!("a step of {step} is not 1, 0.1, 0.01, ..."))
+    scales
+        .into_iter()
+        .find(fits)
+        .ok_or_else(|| format!("a step of {step} is not 1, 0.1, 0.01, ..."))
 }
 
 /// By the type of the channel, or by what stands in brackets in its name. Power is in W there and in kW here.
 fn unit(channel: &Value, title: &str) -> &'static str {
-    let named = ["Hz", "A", "V", "%"].into_iter().find(|unit| title.contains(&format!("({unit})")));
+    let named = ["Hz", "A", "V", "%"]
+        .into_iter()
+        .find(|unit| title.contains(&format!("({unit})")));
     let stated = channel["units"].as_str().and_then(|stated| {
-        [("Hz", "Hz"), ("A", "A"), ("V", "V"), ("%", "%"), ("deg C", "degC"), ("rpm", "rpm"), ("s", "s"), ("h", "h")]
-            .into_iter()
-            .find_map(|(theirs, ours)| (theirs == stated).then_some(ours))
+        [
+            ("Hz", "Hz"),
+            ("A", "A"),
+            ("V", "V"),
+            ("%", "%"),
+            ("deg C", "degC"),
+            ("rpm", "rpm"),
+            ("s", "s"),
+            ("h", "h"),
+        ]
+        .into_iter()
+        .find_map(|(theirs, ours)| (theirs == stated).then_some(ours))
     });
     let of_type = match channel["type"].as_str() {
         Some("voltage") => Some("V"),
@@ -205,22 +260,44 @@ mod tests {
     fn a_template_becomes_a_sound_model_that_is_only_read() {
         let facts = facts("acme-flux", Path::new("config-acme-flux.json"), TEMPLATE).unwrap();
         let text = facts.text();
-        let catalog = vendors::catalog().with_texts([("flux.toml", &text)]).unwrap_or_else(|found| panic!("{found:?}"));
+        let catalog = vendors::catalog()
+            .with_texts([("flux.toml", &text)])
+            .unwrap_or_else(|found| panic!("{found:?}"));
         let model = catalog.find("acme-flux").unwrap();
         assert!(model.run.is_none());
         let names: BTreeSet<_> = model.registers.iter().map(|it| it.name.as_str()).collect();
-        assert_eq!(names, BTreeSet::from(["motor_current", "output_frequency_hz", "register_000d_2", "torque"]));
-        for word in
-            ["setup", "Running: 0x2100:0:1 is a part", "Energy: format u32", "0.0061035", "Again: 0x000E is there"]
-        {
-            assert!(facts.left_out.iter().any(|it| it.contains(word)), "{word}: {:?}", facts.left_out);
+        assert_eq!(
+            names,
+            BTreeSet::from([
+                "motor_current",
+                "output_frequency_hz",
+                "register_000d_2",
+                "torque"
+            ])
+        );
+        for word in [
+            "setup",
+            "Running: 0x2100:0:1 is a part",
+            "Energy: format u32",
+            "0.0061035",
+            "Again: 0x000E is there",
+        ] {
+            assert!(
+                facts.left_out.iter().any(|it| it.contains(word)),
+                "{word}: {:?}",
+                facts.left_out
+            );
         }
         assert!(text.contains("# Left out: Energy"), "{text}");
     }
 
     #[test]
     fn what_is_no_template_is_refused() {
-        let refused = |text| facts("acme-flux", Path::new("x.json"), text).unwrap_err().to_string();
+        let refused = |text| {
+            facts("acme-flux", Path::new("x.json"), text)
+                .unwrap_err()
+                .to_string()
+        };
         assert!(refused("[").contains("x.json: it is not JSON"));
         assert!(refused("{}").contains("no `device.channels`"));
         assert!(refused(r#"{"device": {"channels": []}}"#).contains("no channel"));

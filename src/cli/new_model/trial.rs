@@ -37,25 +37,50 @@ pub fn play(model: &Arc<Model>, models: PathBuf) -> Result<String, Failure> {
     let pty = Pty::new().map_err(Failure::failed)?;
     let link = model.link.played();
     let mut bus = SimBus::new(link, BusOptions::default(), 1);
-    bus.connect(Station(1), SimDrive::new(Arc::clone(model), DriveOptions::default()));
+    bus.connect(
+        Station(1),
+        SimDrive::new(Arc::clone(model), DriveOptions::default()),
+    );
     let port = PortAddress::Device(pty.path().to_path_buf());
     let args = DriveArgs::of(&model.id, 1, link, ModelDirs { dirs: vec![models] });
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
-    simulator::play_beside(&pty, &mut bus, |_, _| (), || runtime.block_on(tried(&port, &args, model)))
-        .map_err(Failure::failed)?
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    simulator::play_beside(
+        &pty,
+        &mut bus,
+        |_, _| (),
+        || runtime.block_on(tried(&port, &args, model)),
+    )
+    .map_err(Failure::failed)?
 }
 
 async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<String, Failure> {
     let poll = Some(Duration::from_millis(200));
     if model.run.is_none() {
-        OwnGateway::start(port, args, &Extra { poll, ..Extra::default() }).await?.close().await;
+        OwnGateway::start(
+            port,
+            args,
+            &Extra {
+                poll,
+                ..Extra::default()
+            },
+        )
+        .await?
+        .close()
+        .await;
         return Ok("it is read; it takes no orders".to_owned());
     }
     let unproven = !model.unproven_basics().is_empty();
     let extra = Extra {
         control: control(LIMITS_HZ, "forward", "stop"),
         moves: true,
-        accept_unverified: if unproven { vec![ControlAction::Basic.word().to_owned()] } else { Vec::new() },
+        accept_unverified: if unproven {
+            vec![ControlAction::Basic.word().to_owned()]
+        } else {
+            Vec::new()
+        },
         native_write: Vec::new(),
         poll,
     };
@@ -68,7 +93,10 @@ async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<St
 
 async fn run_and_stop(client: &mut Client) -> Result<String, Failure> {
     arm(client, &Straight::with_frequency(FREQUENCY_HZ)).await?;
-    client.write(map::RUN, 1).await.map_err(|error| Failure::failed(format!("run forward: {error}")))?;
+    client
+        .write(map::RUN, 1)
+        .await
+        .map_err(|error| Failure::failed(format!("run forward: {error}")))?;
     let until = Instant::now() + RUNS_WITHIN;
     let runs = loop {
         let state = client.read(STATE, 1).await.map_err(Failure::failed)?;
@@ -80,7 +108,11 @@ async fn run_and_stop(client: &mut Client) -> Result<String, Failure> {
     };
     let stopped = stop(client).await?;
     if !runs {
-        return Err(Failure::failed("after the word for forward the drive does not show that it runs forward"));
+        return Err(Failure::failed(
+            "after the word for forward the drive does not show that it runs forward",
+        ));
     }
-    Ok(format!("it is read, run forward at {FREQUENCY_HZ} Hz, and stopped: {stopped}"))
+    Ok(format!(
+        "it is read, run forward at {FREQUENCY_HZ} Hz, and stopped: {stopped}"
+    ))
 }

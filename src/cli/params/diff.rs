@@ -24,14 +24,20 @@ impl Difference {
         let any = self.any();
         let label = any.map(|it| it.code.clone()).unwrap_or_default();
         let title = any.map(|it| it.title.clone()).unwrap_or_default();
-        let shown = |side: &Option<Parameter>| side.as_ref().map_or_else(|| "-".to_owned(), Parameter::shown);
+        let shown = |side: &Option<Parameter>| {
+            side.as_ref()
+                .map_or_else(|| "-".to_owned(), Parameter::shown)
+        };
         [label, title, shown(&self.first), shown(&self.second)]
     }
 
     /// The same for programs.
     #[must_use]
     pub fn json(&self) -> Value {
-        let side = |side: &Option<Parameter>| side.as_ref().map(|it| json!({ "raw": it.raw, "text": it.text }));
+        let side = |side: &Option<Parameter>| {
+            side.as_ref()
+                .map(|it| json!({ "raw": it.raw, "text": it.text }))
+        };
         let any = self.any();
         json!({
             "code": any.map(|it| it.code.as_str()),
@@ -46,12 +52,26 @@ impl Difference {
 /// All differences, in order of address.
 #[must_use]
 pub fn differences(first: &Dump, second: &Dump) -> Vec<Difference> {
-    let mut addresses: Vec<u16> = first.parameters.iter().chain(&second.parameters).map(|it| it.address).collect();
+    let mut addresses: Vec<u16> = first
+        .parameters
+        .iter()
+        .chain(&second.parameters)
+        .map(|it| it.address)
+        .collect();
     addresses.sort_unstable();
     addresses.dedup();
-    let pair = |address: u16| Difference { first: first.at(address).cloned(), second: second.at(address).cloned() };
-    let differs = |it: &Difference| it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw);
-    addresses.into_iter().map(pair).filter(differs).map(without_old_text).collect()
+    let pair = |address: u16| Difference {
+        first: first.at(address).cloned(),
+        second: second.at(address).cloned(),
+    };
+    let differs =
+        |it: &Difference| it.first.as_ref().map(|it| it.raw) != it.second.as_ref().map(|it| it.raw);
+    addresses
+        .into_iter()
+        .map(pair)
+        .filter(differs)
+        .map(without_old_text)
+        .collect()
 }
 
 /// A person who edits a file changes its words, and leaves the texts beside them unchanged.
@@ -103,29 +123,48 @@ fn order(kind: &str) -> u8 {
 pub fn plan(wanted: &Dump, live: &Dump, known: &[ListedParameter], with_link: bool) -> Plan {
     let mut plan = Plan::default();
     for difference in differences(live, wanted) {
-        let Difference { first: old, second: Some(new) } = difference else { continue };
+        let Difference {
+            first: old,
+            second: Some(new),
+        } = difference
+        else {
+            continue;
+        };
         let of = known.iter().find(|known| known.address == new.address);
         let left = match (&old, of) {
-            (_, None) => Some("the model does not know what it does: set it at the drive itself".to_owned()),
+            (_, None) => {
+                Some("the model does not know what it does: set it at the drive itself".to_owned())
+            }
             (None, _) => Some("the drive does not show it now".to_owned()),
             (Some(_), Some(known)) => match known.kind.as_str() {
                 "read_only" | "command" => continue,
-                "back_door" => Some(format!("set it at the drive itself: {}", known.reason.as_deref().unwrap_or("?"))),
-                "source" if !with_link => Some("it decides whom the motor obeys; --with-link writes it too".to_owned()),
-                "link" if !with_link => {
-                    Some("it decides how the drive is reached; --with-link writes it too".to_owned())
+                "back_door" => Some(format!(
+                    "set it at the drive itself: {}",
+                    known.reason.as_deref().unwrap_or("?")
+                )),
+                "source" if !with_link => {
+                    Some("it decides whom the motor obeys; --with-link writes it too".to_owned())
                 }
+                "link" if !with_link => Some(
+                    "it decides how the drive is reached; --with-link writes it too".to_owned(),
+                ),
                 _ => None,
             },
         };
         match (left, old, of) {
             (None, Some(old), Some(known)) => {
-                plan.writes.push(Change { old, new, is_stored: known.is_stored, kind: known.kind.clone() });
+                plan.writes.push(Change {
+                    old,
+                    new,
+                    is_stored: known.is_stored,
+                    kind: known.kind.clone(),
+                });
             }
             (reason, ..) => plan.left.push((new, reason.unwrap_or_default())),
         }
     }
-    plan.writes.sort_by_key(|change| (order(&change.kind), change.new.address));
+    plan.writes
+        .sort_by_key(|change| (order(&change.kind), change.new.address));
     plan
 }
 
@@ -134,12 +173,21 @@ mod tests {
     use super::*;
 
     fn parameter(address: u16, raw: u32) -> Parameter {
-        Parameter { code: format!("P{address}"), address, raw, text: None, title: String::new() }
+        Parameter {
+            code: format!("P{address}"),
+            address,
+            raw,
+            text: None,
+            title: String::new(),
+        }
     }
 
     fn dump(values: &[(u16, u16)]) -> Dump {
         Dump {
-            parameters: values.iter().map(|(address, raw)| parameter(*address, (*raw).into())).collect(),
+            parameters: values
+                .iter()
+                .map(|(address, raw)| parameter(*address, (*raw).into()))
+                .collect(),
             ..Dump::default()
         }
     }
@@ -159,11 +207,26 @@ mod tests {
     fn only_what_differs_is_reported() {
         let first = dump(&[(1, 10), (2, 20), (3, 30)]);
         let second = dump(&[(1, 10), (2, 21), (4, 40)]);
-        let rows: Vec<_> = differences(&first, &second).iter().map(Difference::row).collect();
+        let rows: Vec<_> = differences(&first, &second)
+            .iter()
+            .map(Difference::row)
+            .collect();
         let row = |code: &str, first: &str, second: &str| {
-            [code.to_owned(), String::new(), first.to_owned(), second.to_owned()]
+            [
+                code.to_owned(),
+                String::new(),
+                first.to_owned(),
+                second.to_owned(),
+            ]
         };
-        assert_eq!(rows, [row("P2", "20", "21"), row("P3", "30", "-"), row("P4", "-", "40")]);
+        assert_eq!(
+            rows,
+            [
+                row("P2", "20", "21"),
+                row("P3", "30", "-"),
+                row("P4", "-", "40")
+            ]
+        );
         assert!(differences(&first, &first).is_empty());
         assert_eq!(differences(&first, &second)[0].json()["second"]["raw"], 21);
     }
@@ -180,12 +243,25 @@ mod tests {
             known(7, "plain"),
         ];
         let live = dump(&(1..=7).map(|address| (address, 0)).collect::<Vec<_>>());
-        let wanted = dump(&(1..=8).map(|address| (address, u16::from(address != 7))).collect::<Vec<_>>());
-        let addresses = |plan: &Plan| plan.writes.iter().map(|change| change.new.address).collect::<Vec<_>>();
+        let wanted = dump(
+            &(1..=8)
+                .map(|address| (address, u16::from(address != 7)))
+                .collect::<Vec<_>>(),
+        );
+        let addresses = |plan: &Plan| {
+            plan.writes
+                .iter()
+                .map(|change| change.new.address)
+                .collect::<Vec<_>>()
+        };
         let careful = plan(&wanted, &live, &all, false);
         assert_eq!(addresses(&careful), [3]);
         let left: Vec<_> = careful.left.iter().map(|(it, _)| it.address).collect();
-        assert_eq!(left, [1, 2, 4, 8], "what the drive does not take is no difference to speak of");
+        assert_eq!(
+            left,
+            [1, 2, 4, 8],
+            "what the drive does not take is no difference to speak of"
+        );
         assert!(careful.left[2].1.contains("it widens limits"));
         assert_eq!(addresses(&plan(&wanted, &live, &all, true)), [3, 2, 1]);
     }

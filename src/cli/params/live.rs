@@ -90,7 +90,9 @@ impl Catalogue {
     /// Whether the drive may have a parameter at `address` that its model does not describe.
     #[must_use]
     pub fn may_have(&self, address: u16) -> bool {
-        self.groups.iter().any(|group| group.addresses.contains(&address))
+        self.groups
+            .iter()
+            .any(|group| group.addresses.contains(&address))
     }
 }
 
@@ -113,11 +115,19 @@ impl Live {
             })
         };
         let all = |key: &str| list[key].as_array().into_iter().flatten();
-        let left_out = |one: &Value| LeftOut { what: text(one, "code"), reason: text(one, "reason") };
+        let left_out = |one: &Value| LeftOut {
+            what: text(one, "code"),
+            reason: text(one, "reason"),
+        };
         let address = |it: &Value| u16::try_from(it.as_u64()?).ok();
         let group = |one: &Value| UnknownOf {
             group: text(one, "name"),
-            addresses: one["unknown"].as_array().into_iter().flatten().filter_map(address).collect(),
+            addresses: one["unknown"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(address)
+                .collect(),
         };
         Ok(Catalogue {
             model: text(&list, "model"),
@@ -137,8 +147,13 @@ impl Live {
     ///
     /// # Errors
     /// The gateway does not answer.
-    pub async fn read(&self, known: &ListedParameter) -> Result<Result<Parameter, Unreadable>, Failure> {
-        let seen = self.ask(Question::look(&self.path(Some(known.address)))).await?;
+    pub async fn read(
+        &self,
+        known: &ListedParameter,
+    ) -> Result<Result<Parameter, Unreadable>, Failure> {
+        let seen = self
+            .ask(Question::look(&self.path(Some(known.address))))
+            .await?;
         Ok(Self::told(known, &seen))
     }
 
@@ -146,12 +161,18 @@ impl Live {
     async fn try_at(&self, address: u16) -> Result<Tried, Failure> {
         let seen = self.ask(Question::look(&self.path(Some(address)))).await?;
         let code = seen["code"].as_str().unwrap_or_default().to_owned();
-        let known = ListedParameter { code: code.clone(), address, ..ListedParameter::default() };
-        Ok(match (Self::told(&known, &seen), seen["exception"].is_u64()) {
-            (Ok(parameter), _) => Tried::Shown(parameter),
-            (Err(_), true) => Tried::Refused(code),
-            (Err(unreadable), false) => Tried::Silent(code, unreadable.reason),
-        })
+        let known = ListedParameter {
+            code: code.clone(),
+            address,
+            ..ListedParameter::default()
+        };
+        Ok(
+            match (Self::told(&known, &seen), seen["exception"].is_u64()) {
+                (Ok(parameter), _) => Tried::Shown(parameter),
+                (Err(_), true) => Tried::Refused(code),
+                (Err(unreadable), false) => Tried::Silent(code, unreadable.reason),
+            },
+        )
     }
 
     /// Reads the parameters of `groups` that the drive has beyond its model into `dump`. `there` is a parameter that it
@@ -200,16 +221,35 @@ impl Live {
 
     fn told(known: &ListedParameter, seen: &Value) -> Result<Parameter, Unreadable> {
         let found = &seen["found"];
-        let Some(raw) = found["raw"].as_u64().and_then(|raw| u32::try_from(raw).ok()) else {
-            let exception = seen["exception"].as_u64().map(|code| format!(" (exception {code:02X})"));
-            let reason = format!("{}{}", seen["message"].as_str().unwrap_or("?"), exception.unwrap_or_default());
-            return Err(Unreadable { code: known.code.clone(), address: known.address, reason });
+        let Some(raw) = found["raw"]
+            .as_u64()
+            .and_then(|raw| u32::try_from(raw).ok())
+        else {
+            let exception = seen["exception"]
+                .as_u64()
+                .map(|code| format!(" (exception {code:02X})"));
+            let reason = format!(
+                "{}{}",
+                seen["message"].as_str().unwrap_or("?"),
+                exception.unwrap_or_default()
+            );
+            return Err(Unreadable {
+                code: known.code.clone(),
+                address: known.address,
+                reason,
+            });
         };
         let text = found["text"].as_str().map(str::to_owned);
         let code = known.code.clone();
         let title = known.title.clone();
         let address = known.address;
-        Ok(Parameter { code, address, raw, text, title })
+        Ok(Parameter {
+            code,
+            address,
+            raw,
+            text,
+            title,
+        })
     }
 
     /// Reads all of `wanted`, showing the progress.
@@ -243,8 +283,18 @@ impl Live {
     pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, Failure> {
         let path = self.path(Some(address));
         let body = json!({ "raw": raw });
-        let done = self.ask(Question { method: Method::POST, path: &path, body: Some(&body) }).await?;
-        Ok(if done["outcome"] == "confirmed" { None } else { Some(outcome(&done)) })
+        let done = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: Some(&body),
+            })
+            .await?;
+        Ok(if done["outcome"] == "confirmed" {
+            None
+        } else {
+            Some(outcome(&done))
+        })
     }
 
     /// Lets the drive take over or store what was written. `None` means that it has acknowledged that; else why not.
@@ -253,7 +303,13 @@ impl Live {
     /// The gateway does not answer: the outcome is unknown.
     pub async fn commit(&self) -> Result<Option<String>, Failure> {
         let path = format!("{}/commit", self.path(None));
-        let done = self.ask(Question { method: Method::POST, path: &path, body: None }).await?;
+        let done = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: None,
+            })
+            .await?;
         let is_taken = done["outcome"] == "acknowledged" || done["outcome"] == "confirmed";
         Ok(if is_taken { None } else { Some(outcome(&done)) })
     }
@@ -268,7 +324,10 @@ impl Live {
         match ask(&self.socket, question, PATIENCE).await {
             Ok((StatusCode::OK, answer)) => Ok(answer),
             Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!("gateway at {at}: {}", outcome(&answer)))),
+            Ok((_, answer)) => Err(Failure::failed(format!(
+                "gateway at {at}: {}",
+                outcome(&answer)
+            ))),
             Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
         }
     }

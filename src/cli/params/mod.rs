@@ -107,7 +107,10 @@ struct RestoreArgs {
 
 /// Dumps, compares or restores.
 pub fn params(args: &Args) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         let told = told_to_end().map_err(Failure::failed)?;
         tokio::select! {
@@ -123,8 +126,15 @@ async fn act(action: &Action) -> Result<(), Failure> {
         Action::Diff(args) => compare(args).await,
         Action::Restore(args) => {
             let wanted = Dump::read(&args.file)?;
-            let reached = args.of.reach(args.drive.as_deref().or(Some(&wanted.drive)), true).await?;
-            let wish = restore::RestoreOptions { with_link: args.with_link, yes: args.yes, dry_run: args.dry_run };
+            let reached = args
+                .of
+                .reach(args.drive.as_deref().or(Some(&wanted.drive)), true)
+                .await?;
+            let wish = restore::RestoreOptions {
+                with_link: args.with_link,
+                yes: args.yes,
+                dry_run: args.dry_run,
+            };
             let done = restore::restore(&wanted, &reached.live, wish).await;
             reached.close().await;
             done
@@ -152,35 +162,69 @@ impl Of {
         if let Some(port) = &self.port {
             let control = writes.then(Extra::control_at_rest).unwrap_or_default();
             // The motor is known to be at standstill only while it is polled.
-            let extra = Extra { control, poll: Some(POLL), ..Extra::default() };
+            let extra = Extra {
+                control,
+                poll: Some(POLL),
+                ..Extra::default()
+            };
             let own = OwnGateway::start(port, &self.on_port, &extra).await?;
-            let live = Live { socket: own.socket(), drive: own.drive(), station: Some(own.station()) };
-            return Ok(Reached { live, own: Some(own) });
+            let live = Live {
+                socket: own.socket(),
+                drive: own.drive(),
+                station: Some(own.station()),
+            };
+            return Ok(Reached {
+                live,
+                own: Some(own),
+            });
         }
         let name = drive.unwrap_or_default();
-        let drive = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
-        Ok(Reached { live: Live { socket: self.place.path()?, drive, station: None }, own: None })
+        let drive = Name::new(name)
+            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+        Ok(Reached {
+            live: Live {
+                socket: self.place.path()?,
+                drive,
+                station: None,
+            },
+            own: None,
+        })
     }
 }
 
 async fn dump(args: &DumpArgs) -> Result<(), Failure> {
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+        return Err(Failure::wrong(format!(
+            "{} already exists and is not overwritten",
+            out.display()
+        )));
     }
     let reached = args.of.reach(args.drive.as_deref(), false).await?;
     let dump = whole(&reached.live).await;
     reached.close().await;
     let dump = dump?;
     if !dump.unreadable.is_empty() {
-        let rows = dump.unreadable.iter().map(|it| [it.code.clone(), it.reason.clone()]);
+        let rows = dump
+            .unreadable
+            .iter()
+            .map(|it| [it.code.clone(), it.reason.clone()]);
         complain(format!("could not be read:\n{}", table(rows)).as_bytes());
     }
     if dump.parameters.is_empty() {
         return Err(Failure::failed("the drive returned no parameter"));
     }
-    let Some(out) = &args.out else { return print(&dump.text()) };
+    let Some(out) = &args.out else {
+        return print(&dump.text());
+    };
     write_new(out, &dump.text())?;
-    complain(format!("{} parameters in {}\n", dump.parameters.len(), out.display()).as_bytes());
+    complain(
+        format!(
+            "{} parameters in {}\n",
+            dump.parameters.len(),
+            out.display()
+        )
+        .as_bytes(),
+    );
     Ok(())
 }
 
@@ -189,8 +233,13 @@ async fn whole(live: &Live) -> Result<Dump, Failure> {
     let mut dump = live.dump(&catalogue.model, &catalogue.parameters).await?;
     // A drive that shows no parameter is not asked for more.
     if !dump.parameters.is_empty() {
-        let there = catalogue.parameters.iter().find(|known| dump.at(known.address).is_some()).cloned();
-        live.dump_groups(&catalogue.groups, there.as_ref(), &mut dump).await?;
+        let there = catalogue
+            .parameters
+            .iter()
+            .find(|known| dump.at(known.address).is_some())
+            .cloned();
+        live.dump_groups(&catalogue.groups, there.as_ref(), &mut dump)
+            .await?;
     }
     dump.left_out.splice(..0, catalogue.left_out);
     Ok(dump)
@@ -199,11 +248,16 @@ async fn whole(live: &Live) -> Result<Dump, Failure> {
 async fn compare(args: &DiffArgs) -> Result<(), Failure> {
     let is_live = |path: &Path| path.as_os_str() == "live";
     if is_live(&args.first) {
-        return Err(Failure::wrong("the first is a file; only the second may be `live`"));
+        return Err(Failure::wrong(
+            "the first is a file; only the second may be `live`",
+        ));
     }
     let first = Dump::read(&args.first)?;
     let second = if is_live(&args.second) {
-        let reached = args.of.reach(args.drive.as_deref().or(Some(&first.drive)), false).await?;
+        let reached = args
+            .of
+            .reach(args.drive.as_deref().or(Some(&first.drive)), false)
+            .await?;
         let dump = whole(&reached.live).await;
         reached.close().await;
         dump?
@@ -213,12 +267,17 @@ async fn compare(args: &DiffArgs) -> Result<(), Failure> {
     if first.model != second.model {
         let first = &first.model;
         let second = &second.model;
-        return Err(Failure::wrong(format!("the models differ, {first} and {second}: nothing can be compared")));
+        return Err(Failure::wrong(format!(
+            "the models differ, {first} and {second}: nothing can be compared"
+        )));
     }
     let differences = differences(&first, &second);
     if args.json {
         let all: Vec<_> = differences.iter().map(Difference::json).collect();
-        return print(&format!("{}\n", json!({ "model": first.model, "differences": all })));
+        return print(&format!(
+            "{}\n",
+            json!({ "model": first.model, "differences": all })
+        ));
     }
     if differences.is_empty() {
         return print("nothing differs\n");
@@ -227,7 +286,10 @@ async fn compare(args: &DiffArgs) -> Result<(), Failure> {
 }
 
 fn write_new(path: &Path, text: &str) -> Result<(), Failure> {
-    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    let file = std::fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }

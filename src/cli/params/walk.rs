@@ -52,11 +52,19 @@ impl Walk {
 
     /// Ends the group called `name`.
     pub fn end(mut self, name: &str, dump: &mut Dump) {
-        let last = self.silent.last().map(|(code, _)| code).or(self.refused.last()).cloned();
+        let last = self
+            .silent
+            .last()
+            .map(|(code, _)| code)
+            .or(self.refused.last())
+            .cloned();
         self.note(dump);
         if let Some(last) = last.filter(|_| self.is_cut) {
             let reason = "not read: the drive showed none of those before them".to_owned();
-            dump.left_out.push(LeftOut { what: format!("group {name} behind {last}"), reason });
+            dump.left_out.push(LeftOut {
+                what: format!("group {name} behind {last}"),
+                reason,
+            });
         }
     }
 
@@ -67,15 +75,21 @@ impl Walk {
 
     fn note_refused(&mut self, dump: &mut Dump) {
         let codes = std::mem::take(&mut self.refused);
-        dump.left_out
-            .extend(range(&codes).map(|what| LeftOut { what, reason: "the drive refuses to show it".to_owned() }));
+        dump.left_out.extend(range(&codes).map(|what| LeftOut {
+            what,
+            reason: "the drive refuses to show it".to_owned(),
+        }));
     }
 
     fn note_silent(&mut self, dump: &mut Dump) {
         let silent = std::mem::take(&mut self.silent);
-        let reason = silent.last().map(|(_, reason)| reason.clone()).unwrap_or_default();
+        let reason = silent
+            .last()
+            .map(|(_, reason)| reason.clone())
+            .unwrap_or_default();
         let codes: Vec<_> = silent.into_iter().map(|(code, _)| code).collect();
-        dump.left_out.extend(range(&codes).map(|what| LeftOut { what, reason }));
+        dump.left_out
+            .extend(range(&codes).map(|what| LeftOut { what, reason }));
     }
 }
 
@@ -98,26 +112,42 @@ mod tests {
 
     fn shown(number: usize) -> Tried {
         let address = u16::try_from(number).unwrap();
-        Tried::Shown(Parameter { code: code(number), address, raw: 7, text: None, title: String::new() })
+        Tried::Shown(Parameter {
+            code: code(number),
+            address,
+            raw: 7,
+            text: None,
+            title: String::new(),
+        })
     }
 
     /// The numbers that are requested, and the resulting dump.
     fn walked(has: impl Fn(usize) -> Tried) -> (usize, Dump) {
         let mut walk = Walk::default();
         let mut dump = Dump::default();
-        let asked = (0..100).take_while(|number| walk.goes_on_after(has(*number), &mut dump)).count();
+        let asked = (0..100)
+            .take_while(|number| walk.goes_on_after(has(*number), &mut dump))
+            .count();
         walk.end("F", &mut dump);
         (asked, dump)
     }
 
     fn left_out(dump: &Dump) -> Vec<String> {
-        dump.left_out.iter().map(|it| format!("{}: {}", it.what, it.reason)).collect()
+        dump.left_out
+            .iter()
+            .map(|it| format!("{}: {}", it.what, it.reason))
+            .collect()
     }
 
     #[test]
     fn a_group_is_read_to_its_end_and_what_is_not_in_it_is_named() {
-        let has =
-            |number| if matches!(number, 0 | 5..=9 | 20..) { Tried::Refused(code(number)) } else { shown(number) };
+        let has = |number| {
+            if matches!(number, 0 | 5..=9 | 20..) {
+                Tried::Refused(code(number))
+            } else {
+                shown(number)
+            }
+        };
         let (asked, dump) = walked(has);
         assert_eq!((asked, dump.parameters.len()), (20 + REFUSED_MAX - 1, 14));
         let told = [
@@ -128,13 +158,22 @@ mod tests {
         ];
         assert_eq!(left_out(&dump), told);
         let (asked, dump) = walked(shown);
-        assert_eq!((asked, dump.parameters.len(), dump.left_out.len()), (100, 100, 0));
+        assert_eq!(
+            (asked, dump.parameters.len(), dump.left_out.len()),
+            (100, 100, 0)
+        );
     }
 
     #[test]
     fn a_drive_that_does_not_answer_is_not_asked_on_and_on() {
         let silent = |number| Tried::Silent(code(number), "no answer".to_owned());
-        let (asked, dump) = walked(|number| if number == 0 || number > 3 { silent(number) } else { shown(number) });
+        let (asked, dump) = walked(|number| {
+            if number == 0 || number > 3 {
+                silent(number)
+            } else {
+                shown(number)
+            }
+        });
         assert_eq!((asked, dump.parameters.len()), (4 + SILENT_MAX - 1, 3));
         let told = [
             "F00: no answer",

@@ -50,8 +50,12 @@ impl Drop for Held {
 
 impl Gateway {
     pub fn new(name: &str, place: &SocketArgs) -> Result<Self, Failure> {
-        let name = Name::new(name).ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
-        Ok(Self { path: format!("/api/v1/drives/{name}/qualify"), socket: place.path()? })
+        let name = Name::new(name)
+            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+        Ok(Self {
+            path: format!("/api/v1/drives/{name}/qualify"),
+            socket: place.path()?,
+        })
     }
 
     /// Everything about the trials at this drive.
@@ -62,7 +66,9 @@ impl Gateway {
     /// What the drive does.
     pub async fn state(&self) -> Result<State, Failure> {
         let path = format!("{}/state", self.path);
-        self.ask(Question::look(&path)).await.map(|answer| state_of(&answer))
+        self.ask(Question::look(&path))
+            .await
+            .map(|answer| state_of(&answer))
     }
 
     /// Sends one order of a trial; one that runs names the epoch as it was last seen.
@@ -71,7 +77,13 @@ impl Gateway {
             Some(epoch) => json!({ "order": order, "epoch": epoch }),
             None => json!({ "order": order }),
         };
-        let answer = self.ask(Question { method: Method::POST, path: &self.path, body: Some(&body) }).await?;
+        let answer = self
+            .ask(Question {
+                method: Method::POST,
+                path: &self.path,
+                body: Some(&body),
+            })
+            .await?;
         Ok(match text(&answer, "outcome") {
             "acknowledged" | "confirmed" => Sent::Acknowledged,
             "refused" | "expired" | "superseded" => Sent::Refused(outcome(&answer)),
@@ -119,8 +131,18 @@ impl Gateway {
 
     async fn done(&self, what: &str, body: &Value) -> Result<(), Failure> {
         let path = format!("{}/{what}", self.path);
-        let answer = self.ask(Question { method: Method::POST, path: &path, body: Some(body) }).await?;
-        if answer["outcome"] == "confirmed" { Ok(()) } else { Err(Failure::failed(outcome(&answer))) }
+        let answer = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: Some(body),
+            })
+            .await?;
+        if answer["outcome"] == "confirmed" {
+            Ok(())
+        } else {
+            Err(Failure::failed(outcome(&answer)))
+        }
     }
 
     async fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
@@ -128,7 +150,10 @@ impl Gateway {
         match socket::ask(&self.socket, question, PATIENCE).await {
             Ok((StatusCode::OK, answer)) => Ok(answer),
             Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
-            Ok((_, answer)) => Err(Failure::failed(format!("gateway at {at}: {}", outcome(&answer)))),
+            Ok((_, answer)) => Err(Failure::failed(format!(
+                "gateway at {at}: {}",
+                outcome(&answer)
+            ))),
             Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
         }
     }

@@ -45,7 +45,10 @@ pub struct Args {
 /// Makes the trials, or shows, forgets or reports what was found.
 pub fn qualify(args: &Args) -> Result<(), Failure> {
     let gateway = Gateway::new(&args.drive, &args.place)?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         let look = gateway.look().await?;
         if args.list {
@@ -67,27 +70,42 @@ async fn make(gateway: &Gateway, look: &Value, by: &str) -> Result<(), Failure> 
     // Handled before the first frame, so that no signal leaves a running motor behind.
     let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
     print(&told::beginning(look))?;
-    let mut session = Session::new(gateway, Person::listen().map_err(Failure::failed)?, look, by);
+    let mut session = Session::new(
+        gateway,
+        Person::listen().map_err(Failure::failed)?,
+        look,
+        by,
+    );
     let ended = tokio::select! {
         biased;
         () = &mut told => Err(End::Interrupted),
         ended = session.run() => ended,
     };
     // Whatever has happened: the last word is a stop. A second signal does not prevent it.
-    let stopped = if session.has_sent { Some(gateway.stop_at_last().await) } else { None };
+    let stopped = if session.has_sent {
+        Some(gateway.stop_at_last().await)
+    } else {
+        None
+    };
     print(&told::summary(&session.found))?;
     if let Some(Err(failure)) = stopped {
-        return Err(Failure::failed(format!("NOT KNOWN TO BE STOPPED, use the hard-wired stop: {failure}")));
+        return Err(Failure::failed(format!(
+            "NOT KNOWN TO BE STOPPED, use the hard-wired stop: {failure}"
+        )));
     }
     let is_against = session.found.iter().any(|found| found.is_contradicted());
     match ended {
-        Ok(()) if is_against => Err(Failure::failed("something was contradicted; the motor is stopped")),
-        Ok(()) => {
-            print("what was confirmed counts after `vfd-gateway reload`, or the next start; then remove `qualify`\n")
-        }
+        Ok(()) if is_against => Err(Failure::failed(
+            "something was contradicted; the motor is stopped",
+        )),
+        Ok(()) => print(
+            "what was confirmed counts after `vfd-gateway reload`, or the next start; then remove `qualify`\n",
+        ),
         Err(End::Quit) => Err(Failure::failed("ended by you; the motor is stopped")),
         Err(End::Interrupted) => Err(Failure::failed("interrupted; the motor is stopped")),
-        Err(End::NoInput) => Err(Failure::failed("nobody answers any more; the motor is stopped")),
+        Err(End::NoInput) => Err(Failure::failed(
+            "nobody answers any more; the motor is stopped",
+        )),
         Err(End::Failed(failure)) => Err(failure),
     }
 }
@@ -102,7 +120,9 @@ fn may_begin(look: &Value) -> Result<(), Failure> {
         )));
     }
     if look["controlled"] != true {
-        return Err(Failure::wrong(format!("{drive} is read-only: trials need a control section with its limits")));
+        return Err(Failure::wrong(format!(
+            "{drive} is read-only: trials need a control section with its limits"
+        )));
     }
     if look["qualify"] != true {
         return Err(Failure::wrong(format!(
@@ -110,7 +130,9 @@ fn may_begin(look: &Value) -> Result<(), Failure> {
         )));
     }
     if let Some(why) = look["not_identified"].as_str() {
-        return Err(Failure::failed(format!("{drive}: its identity cannot be read: {why}")));
+        return Err(Failure::failed(format!(
+            "{drive}: its identity cannot be read: {why}"
+        )));
     }
     if !io::stdin().is_terminal() {
         return Err(Failure::wrong(
@@ -123,10 +145,17 @@ fn may_begin(look: &Value) -> Result<(), Failure> {
 async fn forget(args: &Args, gateway: &Gateway, by: &str) -> Result<(), Failure> {
     if !args.yes {
         if !io::stdin().is_terminal() {
-            return Err(Failure::wrong("nothing was forgotten: there is no terminal to ask on; add --yes"));
+            return Err(Failure::wrong(
+                "nothing was forgotten: there is no terminal to ask on; add --yes",
+            ));
         }
         let mut person = Person::listen().map_err(Failure::failed)?;
-        let answer = person.ask(&format!("forget all that was found at {}? [y/N] ", args.drive)).await?;
+        let answer = person
+            .ask(&format!(
+                "forget all that was found at {}? [y/N] ",
+                args.drive
+            ))
+            .await?;
         if !answer.is_some_and(|answer| person::is_yes(&answer)) {
             return Err(Failure::failed("nothing was forgotten"));
         }
@@ -141,7 +170,21 @@ async fn forget(args: &Args, gateway: &Gateway, by: &str) -> Result<(), Failure>
 /// Who is at the keyboard, as far as the shell knows.
 fn by(args: &Args) -> String {
     let named = args.by.clone();
-    let shell = || ["SUDO_USER", "USER", "LOGNAME"].iter().find_map(|key| std::env::var(key).ok());
-    let name: String = named.or_else(shell).unwrap_or_default().chars().filter(|c| !c.is_control()).take(64).collect();
-    if name.trim().is_empty() { "unknown".to_owned() } else { name }
+    let shell = || {
+        ["SUDO_USER", "USER", "LOGNAME"]
+            .iter()
+            .find_map(|key| std::env::var(key).ok())
+    };
+    let name: String = named
+        .or_else(shell)
+        .unwrap_or_default()
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(64)
+        .collect();
+    if name.trim().is_empty() {
+        "unknown".to_owned()
+    } else {
+        name
+    }
 }

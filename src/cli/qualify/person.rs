@@ -24,7 +24,9 @@ impl Person {
                 }
             }
         };
-        std::thread::Builder::new().name("keyboard".to_owned()).spawn(listen)?;
+        std::thread::Builder::new()
+            .name("keyboard".to_owned())
+            .spawn(listen)?;
         Ok(Self { lines })
     }
 

@@ -10,16 +10,28 @@ use std::path::Path;
 /// Writes the report of the drive in the document `look` to a new `file`.
 pub(super) fn write(file: &Path, look: &Value) -> Result<(), Failure> {
     let told = |error: std::io::Error| Failure::failed(format!("{}: {error}", file.display()));
-    let mut new = OpenOptions::new().write(true).create_new(true).open(file).map_err(told)?;
-    new.write_all(format!("{:#}\n", report(look)).as_bytes()).and_then(|()| new.sync_all()).map_err(told)?;
-    print(&format!("{}: written; read it before you send it\n", file.display()))
+    let mut new = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(file)
+        .map_err(told)?;
+    new.write_all(format!("{:#}\n", report(look)).as_bytes())
+        .and_then(|()| new.sync_all())
+        .map_err(told)?;
+    print(&format!(
+        "{}: written; read it before you send it\n",
+        file.display()
+    ))
 }
 
 /// Only what is named here goes into it: no name of a drive, line, host or person, no address and no time.
 fn report(look: &Value) -> Value {
     let is_void = !look["void"].is_null();
     let facts = actions(look).map(|it| {
-        let result = it["result"].as_str().filter(|_| !is_void).unwrap_or("not_tried");
+        let result = it["result"]
+            .as_str()
+            .filter(|_| !is_void)
+            .unwrap_or("not_tried");
         json!({ "action": it["action"], "rests_on": it["rests_on"], "result": result })
     });
     json!({
@@ -50,7 +62,10 @@ mod tests {
         });
         let told = report(&look);
         assert!(!told.to_string().contains("SECRET"), "{told}");
-        assert_eq!((&told["model"], &told["facts"][0]["result"]), (&json!("acme-1"), &json!("confirmed")));
+        assert_eq!(
+            (&told["model"], &told["facts"][0]["result"]),
+            (&json!("acme-1"), &json!("confirmed"))
+        );
         let mut void = look;
         void["void"] = json!("the model file has changed since");
         assert_eq!(report(&void)["facts"][0]["result"], "not_tried");

@@ -78,14 +78,24 @@ pub(super) struct Session<'a> {
 
 impl<'a> Session<'a> {
     pub const fn new(gateway: &'a Gateway, person: Person, look: &'a Value, by: &'a str) -> Self {
-        Self { gateway, person, look, by, found: Vec::new(), has_sent: false }
+        Self {
+            gateway,
+            person,
+            look,
+            by,
+            found: Vec::new(),
+            has_sent: false,
+        }
     }
 
     /// Makes all trials.
     pub async fn run(&mut self) -> Result<(), End> {
         let state = self.gateway.state().await?;
         if !matches!(state.run_state.as_str(), "stopped" | "tripped") {
-            let what = format!("the motor must stand still before the trials: {}", said(&state));
+            let what = format!(
+                "the motor must stand still before the trials: {}",
+                said(&state)
+            );
             return Err(End::Failed(Failure::failed(what)));
         }
         // A trip is reset first: nothing else can be tried before.
@@ -133,11 +143,25 @@ impl<'a> Session<'a> {
     }
 
     async fn stop_at_rest(&mut self) -> Result<Step, End> {
-        if !self.agrees("1. stop, at standstill", &["stop"], "acknowledged, and nothing moves").await? {
+        if !self
+            .agrees(
+                "1. stop, at standstill",
+                &["stop"],
+                "acknowledged, and nothing moves",
+            )
+            .await?
+        {
             return Ok(skipped());
         }
-        let seen = self.order("stop", Expected::StaysAtRest, RUNS_WITHIN).await?;
-        self.asked(seen, "does the motor stand still, and does the panel show no new fault?", None).await
+        let seen = self
+            .order("stop", Expected::StaysAtRest, RUNS_WITHIN)
+            .await?;
+        self.asked(
+            seen,
+            "does the motor stand still, and does the panel show no new fault?",
+            None,
+        )
+        .await
     }
 
     /// Forward, then the stop of a motor that runs. Returns whether both are confirmed.
@@ -149,22 +173,44 @@ impl<'a> Session<'a> {
         }
         let hertz = self.setpoint();
         let expected = format!("the motor turns forward, at about {hertz:.2} Hz");
-        if !self.agrees("2. forward, as slowly as permitted", &["forward"], &expected).await? {
+        if !self
+            .agrees(
+                "2. forward, as slowly as permitted",
+                &["forward"],
+                &expected,
+            )
+            .await?
+        {
             self.keep("basic", skipped()).await?;
             return Ok(false);
         }
         let held = self.hold();
-        let ran = self.runs("forward", "does the panel show forward, at about that frequency?").await?;
+        let ran = self
+            .runs(
+                "forward",
+                "does the panel show forward, at about that frequency?",
+            )
+            .await?;
         if ran.0 != Finding::Confirmed {
             self.keep("basic", ran).await?;
             return Ok(false);
         }
-        let goes_on =
-            self.agrees("3. stop, while it runs", &["stop"], "the motor comes to rest along its ramp").await?;
-        let seen = self.order("stop", Expected::ComesToRest, RESTS_WITHIN).await?;
+        let goes_on = self
+            .agrees(
+                "3. stop, while it runs",
+                &["stop"],
+                "the motor comes to rest along its ramp",
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
         drop(held);
         let stopped = match (goes_on, seen) {
-            (true, seen) => self.asked(seen, "has the motor come to rest?", None).await?,
+            (true, seen) => {
+                self.asked(seen, "has the motor come to rest?", None)
+                    .await?
+            }
             (false, Ok(())) => skipped(),
             (false, Err(step)) => step,
         };
@@ -178,14 +224,23 @@ impl<'a> Session<'a> {
             let why = "`directions` does not allow reverse".to_owned();
             return self.keep("reverse", (Finding::Skipped, why)).await;
         }
-        let expected =
-            format!("the motor turns in reverse, at about {:.2} Hz, until the stop after it", self.setpoint());
+        let expected = format!(
+            "the motor turns in reverse, at about {:.2} Hz, until the stop after it",
+            self.setpoint()
+        );
         if !self.agrees("reverse", &["reverse"], &expected).await? {
             return self.keep("reverse", skipped()).await;
         }
         let held = self.hold();
-        let ran = self.runs("reverse", "does the panel show reverse, and does the motor turn the other way?").await?;
-        let seen = self.order("stop", Expected::ComesToRest, RESTS_WITHIN).await?;
+        let ran = self
+            .runs(
+                "reverse",
+                "does the panel show reverse, and does the motor turn the other way?",
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
         drop(held);
         self.keep("reverse", both(ran, seen)).await
     }
@@ -195,7 +250,10 @@ impl<'a> Session<'a> {
             return self.keep("coast", skipped()).await;
         }
         let expected = "the motor turns forward; then its output is off at once, and it comes to rest by itself";
-        if !self.agrees("coast, out of a slow run", &["forward", "coast"], expected).await? {
+        if !self
+            .agrees("coast, out of a slow run", &["forward", "coast"], expected)
+            .await?
+        {
             return self.keep("coast", skipped()).await;
         }
         let held = self.hold();
@@ -204,12 +262,17 @@ impl<'a> Session<'a> {
         let step = match ran {
             Err(step) => step,
             Ok(()) => {
-                let seen = self.order("coast", Expected::ComesToRest, RESTS_WITHIN).await?;
+                let seen = self
+                    .order("coast", Expected::ComesToRest, RESTS_WITHIN)
+                    .await?;
                 drop(held);
-                self.asked(seen, "was the output off at once, without a ramp?", None).await?
+                self.asked(seen, "was the output off at once, without a ramp?", None)
+                    .await?
             }
         };
-        let seen = self.order("stop", Expected::ComesToRest, RESTS_WITHIN).await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
         self.keep("coast", both(step, seen)).await
     }
 
@@ -217,30 +280,67 @@ impl<'a> Session<'a> {
         if self.gateway.state().await?.tripped == Some(true) {
             return self.reset().await;
         }
-        self.keep("reset", (Finding::Skipped, "the drive is not tripped".to_owned())).await
+        self.keep(
+            "reset",
+            (Finding::Skipped, "the drive is not tripped".to_owned()),
+        )
+        .await
     }
 
     async fn reset(&mut self) -> Result<(), End> {
-        if !self.agrees("reset of the trip", &["reset"], "the trip is gone, and nothing moves").await? {
+        if !self
+            .agrees(
+                "reset of the trip",
+                &["reset"],
+                "the trip is gone, and nothing moves",
+            )
+            .await?
+        {
             return self.keep("reset", skipped()).await;
         }
-        let seen = self.order("reset", Expected::TripIsGone, RUNS_WITHIN).await?;
-        let step = self.asked(seen, "has the panel left the fault, and does the motor stand still?", None).await?;
-        let seen = self.order("stop", Expected::ComesToRest, RESTS_WITHIN).await?;
+        let seen = self
+            .order("reset", Expected::TripIsGone, RUNS_WITHIN)
+            .await?;
+        let step = self
+            .asked(
+                seen,
+                "has the panel left the fault, and does the motor stand still?",
+                None,
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
         self.keep("reset", both(step, seen)).await
     }
 
     async fn release(&mut self) -> Result<(), End> {
         if self.look["may_release"] != true {
-            return self.keep("release", (Finding::Skipped, "`allow_release` is not true".to_owned())).await;
+            return self
+                .keep(
+                    "release",
+                    (Finding::Skipped, "`allow_release` is not true".to_owned()),
+                )
+                .await;
         }
-        let expected = "the drive obeys its panel or terminals; A CLOSED TERMINAL MAY START THE MOTOR";
+        let expected =
+            "the drive obeys its panel or terminals; A CLOSED TERMINAL MAY START THE MOTOR";
         if !self.agrees("release", &["release"], expected).await? {
             return self.keep("release", skipped()).await;
         }
-        let seen = self.order("release", Expected::ObeysPanel, RUNS_WITHIN).await?;
-        let step = self.asked(seen, "does the drive obey its panel or terminals again?", None).await?;
-        let seen = self.order("stop", Expected::ComesToRest, RESTS_WITHIN).await?;
+        let seen = self
+            .order("release", Expected::ObeysPanel, RUNS_WITHIN)
+            .await?;
+        let step = self
+            .asked(
+                seen,
+                "does the drive obey its panel or terminals again?",
+                None,
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
         self.keep("release", both(step, seen)).await
     }
 
@@ -263,7 +363,12 @@ impl<'a> Session<'a> {
     }
 
     /// Sends an order, and waits until the drive shows what is expected. Anything else is answered by a stop at once.
-    async fn order(&mut self, order: &str, expected: Expected, within: Duration) -> Result<Result<(), Step>, End> {
+    async fn order(
+        &mut self,
+        order: &str,
+        expected: Expected,
+        within: Duration,
+    ) -> Result<Result<(), Step>, End> {
         let epoch = match expected {
             Expected::Runs(..) => self.gateway.state().await?.epoch,
             _ => None,
@@ -272,7 +377,12 @@ impl<'a> Session<'a> {
         let sent = clock::now();
         match self.gateway.order(order, epoch).await? {
             Sent::Acknowledged => {}
-            Sent::Refused(why) => return Ok(Err((Finding::Skipped, format!("{order} was not sent: {why}")))),
+            Sent::Refused(why) => {
+                return Ok(Err((
+                    Finding::Skipped,
+                    format!("{order} was not sent: {why}"),
+                )));
+            }
             Sent::Failed(why) => return self.against(format!("{order}: {why}")).await.map(Err),
         }
         loop {
@@ -292,7 +402,12 @@ impl<'a> Session<'a> {
     }
 
     async fn late(&mut self, state: &State, within: Duration) -> Result<Step, End> {
-        self.against(format!("not seen within {} s: {}", within.as_secs(), said(state))).await
+        self.against(format!(
+            "not seen within {} s: {}",
+            within.as_secs(),
+            said(state)
+        ))
+        .await
     }
 
     /// Stops the motor at once.
@@ -303,7 +418,12 @@ impl<'a> Session<'a> {
     }
 
     /// Asks what the panel shows, if the drive itself showed what was expected. Meanwhile it must go on to show `stays`.
-    async fn asked(&mut self, seen: Result<(), Step>, question: &str, stays: Option<Expected>) -> Result<Step, End> {
+    async fn asked(
+        &mut self,
+        seen: Result<(), Step>,
+        question: &str,
+        stays: Option<Expected>,
+    ) -> Result<Step, End> {
         if let Err(step) = seen {
             return Ok(step);
         }
@@ -329,7 +449,9 @@ impl<'a> Session<'a> {
 
     /// Renews the lease of a motor that is about to run.
     fn hold(&self) -> Held {
-        self.gateway.hold(Duration::from_millis(self.look["lost_after_ms"].as_u64().unwrap_or_default()))
+        self.gateway.hold(Duration::from_millis(
+            self.look["lost_after_ms"].as_u64().unwrap_or_default(),
+        ))
     }
 
     /// Has the gateway keep what came of `action`.
@@ -338,14 +460,20 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         print(&format!("  {action}: {}\n", result.word()))?;
-        self.found.push(Found { action, result, why });
+        self.found.push(Found {
+            action,
+            result,
+            why,
+        });
         Ok(self.gateway.keep(action, result.word(), self.by).await?)
     }
 }
 
 /// Waits until the drive no longer shows what it should go on to show; for ever, if that is nothing.
 async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, End> {
-    let Some(expected) = stays else { return std::future::pending().await };
+    let Some(expected) = stays else {
+        return std::future::pending().await;
+    };
     loop {
         sleep(LOOK_EVERY).await;
         let state = gateway.state().await?;
@@ -353,7 +481,12 @@ async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, En
         match compare(expected, &state, Duration::MAX) {
             Compared::Seen => {}
             Compared::Against(why) => return Ok(why),
-            Compared::NotYet => return Ok(format!("the drive does not go on as ordered: {}", said(&state))),
+            Compared::NotYet => {
+                return Ok(format!(
+                    "the drive does not go on as ordered: {}",
+                    said(&state)
+                ));
+            }
         }
     }
 }

@@ -12,10 +12,24 @@ pub(super) fn actions(look: &Value) -> impl Iterator<Item = &Value> {
 
 /// What is to be tried at a drive and what was found.
 pub(super) fn list(look: &Value) -> String {
-    let mut said = format!("drive {} ({} on {})\n", text(look, "drive"), text(look, "model"), text(look, "line"));
+    let mut said = format!(
+        "drive {} ({} on {})\n",
+        text(look, "drive"),
+        text(look, "model"),
+        text(look, "line")
+    );
     let rows = actions(look).map(|it| {
-        let rests_on: Vec<_> = it["rests_on"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        [text(it, "action").to_owned(), rests_on.join(", "), standing(it)]
+        let rests_on: Vec<_> = it["rests_on"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
+        [
+            text(it, "action").to_owned(),
+            rests_on.join(", "),
+            standing(it),
+        ]
     });
     let rows: Vec<_> = rows.collect();
     if rows.is_empty() {
@@ -44,7 +58,9 @@ fn standing(action: &Value) -> String {
         _ if action["proven"] == true => "; proven, as the model file says",
         (true, _) => "; listed in accept_unverified",
         (false, true) => "; accepted for this drive (site)",
-        (false, false) if action["result"] == "confirmed" && action["counts"] == true => "; counts after a reload",
+        (false, false) if action["result"] == "confirmed" && action["counts"] == true => {
+            "; counts after a reload"
+        }
         (false, false) => "; refused",
     };
     format!("{found}{counts}")
@@ -73,8 +89,15 @@ pub(super) fn trial(look: &Value, title: &str, orders: &[&str], expected: &str) 
     for order in orders {
         for frame in look["orders"][order].as_array().into_iter().flatten() {
             let words = frame["words"].as_array().into_iter().flatten();
-            let words: Vec<_> = words.map(|it| format!("{} = {}", text(it, "register"), it["word"])).collect();
-            let _ = writeln!(said, "  sent:     {} ({order}), frame {}", words.join(", "), text(frame, "frame"));
+            let words: Vec<_> = words
+                .map(|it| format!("{} = {}", text(it, "register"), it["word"]))
+                .collect();
+            let _ = writeln!(
+                said,
+                "  sent:     {} ({order}), frame {}",
+                words.join(", "),
+                text(frame, "frame")
+            );
         }
     }
     let _ = writeln!(said, "  expected: {expected}");
@@ -83,8 +106,18 @@ pub(super) fn trial(look: &Value, title: &str, orders: &[&str], expected: &str) 
 
 /// What came of all of it.
 pub(super) fn summary(found: &[Found]) -> String {
-    let rows = found.iter().map(|it| [it.action.to_owned(), it.result.word().to_owned(), it.why.clone()]);
-    if found.is_empty() { "\nnothing was tried\n".to_owned() } else { format!("\n{}", table(rows)) }
+    let rows = found.iter().map(|it| {
+        [
+            it.action.to_owned(),
+            it.result.word().to_owned(),
+            it.why.clone(),
+        ]
+    });
+    if found.is_empty() {
+        "\nnothing was tried\n".to_owned()
+    } else {
+        format!("\n{}", table(rows))
+    }
 }
 
 #[cfg(test)]
@@ -111,29 +144,53 @@ mod tests {
             for (key, value) in more.as_object().unwrap() {
                 action[key] = value.clone();
             }
-            list(&json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" }))
+            list(
+                &json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" }),
+            )
         };
         for (more, expected) in [
             (json!({}), "not tried; refused"),
-            (json!({ "listed": true, "in_force": true }), "not tried; listed in accept_unverified"),
-            (json!({ "proven": true, "in_force": true }), "not tried; proven, as the model file says"),
+            (
+                json!({ "listed": true, "in_force": true }),
+                "not tried; listed in accept_unverified",
+            ),
+            (
+                json!({ "proven": true, "in_force": true }),
+                "not tried; proven, as the model file says",
+            ),
             (
                 json!({ "result": "confirmed", "in_force": true }),
                 "confirmed by anna, t; accepted for this drive (site)",
             ),
-            (json!({ "result": "confirmed", "counts": true }), "confirmed by anna, t; counts after a reload"),
-            (json!({ "result": "contradicted", "counts": true }), "contradicted by anna, t; refused"),
+            (
+                json!({ "result": "confirmed", "counts": true }),
+                "confirmed by anna, t; counts after a reload",
+            ),
+            (
+                json!({ "result": "contradicted", "counts": true }),
+                "contradicted by anna, t; refused",
+            ),
         ] {
             let said = action(more);
-            assert!(said.contains(&format!("basic  stop (sibling)  {expected}\n")), "{said}");
+            assert!(
+                said.contains(&format!("basic  stop (sibling)  {expected}\n")),
+                "{said}"
+            );
             assert!(said.contains("no longer counts: it changed"), "{said}");
         }
     }
 
     #[test]
     fn the_summary_names_each_result() {
-        let found = [Found { action: "basic", result: Finding::Contradicted, why: "the motor moves".to_owned() }];
-        assert_eq!(summary(&found), "\n  basic  contradicted  the motor moves\n");
+        let found = [Found {
+            action: "basic",
+            result: Finding::Contradicted,
+            why: "the motor moves".to_owned(),
+        }];
+        assert_eq!(
+            summary(&found),
+            "\n  basic  contradicted  the motor moves\n"
+        );
         assert_eq!(summary(&[]), "\nnothing was tried\n");
     }
 }

@@ -17,26 +17,44 @@ fn found(plan: &Plan, model: &Arc<Model>) -> (Finding, usize) {
     let mut line = Simulated::new(model, &[1], FaultPlan::default());
     line.link = plan.settings[0].link;
     let findings = played(plan, &mut line);
-    let [drive] = &findings.drives[..] else { panic!("{}: {findings:?}", model.id) };
+    let [drive] = &findings.drives[..] else {
+        panic!("{}: {findings:?}", model.id)
+    };
     (drive.clone(), line.frames)
 }
 
 fn names(verdict: &Verdict) -> Vec<&str> {
-    verdict.fits.iter().map(|(fit, _)| fit.id.as_str()).collect()
+    verdict
+        .fits
+        .iter()
+        .map(|(fit, _)| fit.id.as_str())
+        .collect()
 }
 
 /// The setting that a drive of `model` has when it is new, or can be set to if that one is not of RTU frames.
 fn plan_for(all: &Plan, model: &Model) -> Plan {
     let has = |setting: &&Setting| setting.candidates.iter().any(|it| it.id == model.id);
     let is_factory = |setting: &&Setting| setting.link == model.link.played();
-    let setting = all.settings.iter().find(is_factory).or_else(|| all.settings.iter().find(has)).unwrap();
-    Plan { settings: vec![setting.clone()], stations: vec![1] }
+    let setting = all
+        .settings
+        .iter()
+        .find(is_factory)
+        .or_else(|| all.settings.iter().find(has))
+        .unwrap();
+    Plan {
+        settings: vec![setting.clone()],
+        stations: vec![1],
+    }
 }
 
 /// Whether only `model` is named; `None` if others are too. A wrong name alone fails.
 fn is_told_alone(model: &Model, verdict: &Verdict) -> bool {
     let names = names(verdict);
-    assert!(names.contains(&model.id.as_str()), "{} is taken for {names:?}", model.id);
+    assert!(
+        names.contains(&model.id.as_str()),
+        "{} is taken for {names:?}",
+        model.id
+    );
     verdict.word() == "probable"
 }
 
@@ -48,7 +66,9 @@ fn frames_max(plan: &Plan) -> usize {
 #[test]
 fn no_model_is_taken_for_another_one() {
     let all = factory_plan("1");
-    let mut text = String::from("# Each model, played by the simulator at its factory setting: what `scan` says.\n");
+    let mut text = String::from(
+        "# Each model, played by the simulator at its factory setting: what `scan` says.\n",
+    );
     let (mut single, mut most) = (0, 0);
     for model in models() {
         let plan = plan_for(&all, &model);
@@ -56,23 +76,40 @@ fn no_model_is_taken_for_another_one() {
         assert!(frames <= frames_max(&plan), "{}: {frames} frames", model.id);
         single += usize::from(is_told_alone(&model, &drive.verdict));
         most = most.max(frames);
-        let _ = writeln!(text, "{}: {} {}", model.id, drive.verdict.word(), names(&drive.verdict).join(", "));
+        let _ = writeln!(
+            text,
+            "{}: {} {}",
+            model.id,
+            drive.verdict.word(),
+            names(&drive.verdict).join(", ")
+        );
     }
     let count = models().len();
-    let _ =
-        writeln!(text, "# {count} models: {single} by a single name, which is right, {} among others.", count - single);
+    let _ = writeln!(
+        text,
+        "# {count} models: {single} by a single name, which is right, {} among others.",
+        count - single
+    );
     let _ = writeln!(text, "# At most {most} frames for one station.");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/scan/confusion.txt");
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         std::fs::write(&path, &text).unwrap();
     }
     let expected = std::fs::read_to_string(&path).unwrap_or_default();
-    assert_eq!(text, expected, "if this is meant: UPDATE_GOLDEN=1 writes {}", path.display());
+    assert_eq!(
+        text,
+        expected,
+        "if this is meant: UPDATE_GOLDEN=1 writes {}",
+        path.display()
+    );
 }
 
 #[test]
 fn nor_where_the_setting_says_nothing() {
-    let options = ScanOptions { is_network: true, ..ScanOptions::default() };
+    let options = ScanOptions {
+        is_network: true,
+        ..ScanOptions::default()
+    };
     let plan = Plan::new(&models(), vec![1], &options);
     for model in models() {
         let (drive, frames) = found(&plan, &model);
@@ -88,7 +125,13 @@ fn a_drive_tells_what_it_is() {
     let plan = plan_for(&all, &a1000);
     let (drive, _) = found(&plan, &a1000);
     assert_eq!(names(&drive.verdict), ["yaskawa-a1000"]);
-    assert!(drive.verdict.fits[0].1.starts_with("its register product_code says so, and "), "{:?}", drive.verdict);
+    assert!(
+        drive.verdict.fits[0]
+            .1
+            .starts_with("its register product_code says so, and "),
+        "{:?}",
+        drive.verdict
+    );
     // The same drive with the number of another one.
     let smv = model("actech-smv");
     let mut other = Model::clone(&smv);
@@ -101,7 +144,14 @@ fn a_drive_tells_what_it_is() {
         drives: vec![drive],
         ..crate::daemon::scan::survey::Findings::default()
     };
-    let table = Scan { port: &port, plan: &plan, findings: &findings, echoes: false, date: "" }.table();
+    let table = Scan {
+        port: &port,
+        plan: &plan,
+        findings: &findings,
+        echoes: false,
+        date: "",
+    }
+    .table();
     assert!(table.contains("says that it is AC Tech MC; "), "{table}");
 }
 
@@ -111,16 +161,24 @@ fn a_drive_without_holding_registers_is_found() {
         let model = Arc::new(without_03(table, function));
         let plan = Plan::new(&[Arc::clone(&model)], vec![1], &ScanOptions::default());
         let (drive, _) = found(&plan, &model);
-        assert_eq!((names(&drive.verdict), drive.by_exception), (vec![model.id.as_str()], false), "{table}");
+        assert_eq!(
+            (names(&drive.verdict), drive.by_exception),
+            (vec![model.id.as_str()], false),
+            "{table}"
+        );
     }
 }
 
 /// A model whose registers are all in `table`, which `function` reads.
 fn without_03(table: &str, function: &str) -> Model {
     use crate::domain::address::{Address, Table};
-    let table = Table::ALL.into_iter().find(|it| it.word() == table).unwrap();
+    let table = Table::ALL
+        .into_iter()
+        .find(|it| it.word() == table)
+        .unwrap();
     let mut model = Model::clone(&model("rockwell-powerflex-40"));
-    model.functions.value = vec![u8::from_str_radix(function.trim_start_matches("0x"), 16).unwrap()];
+    model.functions.value =
+        vec![u8::from_str_radix(function.trim_start_matches("0x"), 16).unwrap()];
     (model.run, model.watchdog, model.identity) = (None, None, None);
     model.setup.clear();
     model.status.clear();

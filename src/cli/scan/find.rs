@@ -49,7 +49,8 @@ pub fn find(
     link: &LinkArgs,
     announce: impl FnOnce(&Plan) -> Result<(), Failure>,
 ) -> Result<Found, Failure> {
-    let stations = plan::stations(stations).map_err(|why| Failure::wrong(format!("--stations: {why}")))?;
+    let stations =
+        plan::stations(stations).map_err(|why| Failure::wrong(format!("--stations: {why}")))?;
     let options = ScanOptions {
         bauds: baud.into_iter().collect(),
         parity: link.parity(),
@@ -60,9 +61,21 @@ pub fn find(
     let models: Vec<_> = catalog.models().cloned().collect();
     let plan = Plan::new(&models, stations, &options);
     announce(&plan)?;
-    let first = plan.settings.first().map_or(LinkSettings::DEFAULT, |setting| setting.link);
-    let tool_port = ToolPort { address: port.clone(), link: first, direction: link.direction() };
-    let Scanned { findings, echoes, ended, .. } = scanned(&plan, tool_port)?;
+    let first = plan
+        .settings
+        .first()
+        .map_or(LinkSettings::DEFAULT, |setting| setting.link);
+    let tool_port = ToolPort {
+        address: port.clone(),
+        link: first,
+        direction: link.direction(),
+    };
+    let Scanned {
+        findings,
+        echoes,
+        ended,
+        ..
+    } = scanned(&plan, tool_port)?;
     ended?;
     if !findings.is_complete {
         return Err(Failure::failed("interrupted; nothing was written"));
@@ -74,21 +87,47 @@ pub fn find(
 }
 
 fn settled(plan: &Plan, findings: &Findings, echoes: bool) -> Result<Found, Failure> {
-    let best = plan.most_answer(findings).ok_or_else(|| Failure::failed(ADVICE))?;
-    let setting = plan.settings.get(best).ok_or_else(|| Failure::failed(ADVICE))?.clone();
-    let (here, elsewhere): (Vec<_>, Vec<_>) = findings.drives.iter().partition(|finding| finding.setting == best);
+    let best = plan
+        .most_answer(findings)
+        .ok_or_else(|| Failure::failed(ADVICE))?;
+    let setting = plan
+        .settings
+        .get(best)
+        .ok_or_else(|| Failure::failed(ADVICE))?
+        .clone();
+    let (here, elsewhere): (Vec<_>, Vec<_>) = findings
+        .drives
+        .iter()
+        .partition(|finding| finding.setting == best);
     let others = elsewhere.into_iter().map(|finding| {
-        let at = plan.settings.get(finding.setting).map(setting_text).unwrap_or_default();
+        let at = plan
+            .settings
+            .get(finding.setting)
+            .map(setting_text)
+            .unwrap_or_default();
         let model = model_text(finding);
-        format!("Station {} answers at {at} ({model}): set it to {} first.", finding.station, setting.link)
+        format!(
+            "Station {} answers at {at} ({model}): set it to {} first.",
+            finding.station, setting.link
+        )
     });
     let others = others.collect();
     let drives = here.into_iter().map(|finding| Drive {
         station: finding.station,
-        fits: finding.verdict.fits.iter().map(|(model, _)| Arc::clone(model)).collect(),
+        fits: finding
+            .verdict
+            .fits
+            .iter()
+            .map(|(model, _)| Arc::clone(model))
+            .collect(),
         is_sure: finding.verdict.word() == "probable",
     });
     let mut drives: Vec<_> = drives.collect();
     drives.sort_by_key(|drive| drive.station);
-    Ok(Found { setting, drives, others, echoes })
+    Ok(Found {
+        setting,
+        drives,
+        others,
+        echoes,
+    })
 }

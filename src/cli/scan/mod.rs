@@ -73,14 +73,22 @@ fn parsed_stations(text: &str) -> Result<Stations, String> {
 }
 
 fn patience(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse::<f64>().ok().filter(|seconds| (0.02..=10.0).contains(seconds));
-    seconds.map(Duration::from_secs_f64).ok_or_else(|| format!("{text} is no time from 0.02 to 10 seconds"))
+    let seconds = text
+        .parse::<f64>()
+        .ok()
+        .filter(|seconds| (0.02..=10.0).contains(seconds));
+    seconds
+        .map(Duration::from_secs_f64)
+        .ok_or_else(|| format!("{text} is no time from 0.02 to 10 seconds"))
 }
 
 /// Looks for drives until everything was tried, or Ctrl-C. What was found by then is printed either way.
 pub fn scan(args: &Args) -> Result<(), Failure> {
     let catalog = input::catalog_with(&args.own)?;
-    let models: Vec<_> = catalog.ids().filter_map(|id| catalog.find(id).cloned()).collect();
+    let models: Vec<_> = catalog
+        .ids()
+        .filter_map(|id| catalog.find(id).cloned())
+        .collect();
     let is_network = matches!(args.port, config::PortAddress::Tcp { .. });
     let wish = ScanOptions {
         everything: args.all_settings,
@@ -97,7 +105,10 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
         ));
     }
     if let Some(out) = args.out.as_deref().filter(|out| out.exists()) {
-        return Err(Failure::wrong(format!("{} already exists and is not overwritten", out.display())));
+        return Err(Failure::wrong(format!(
+            "{} already exists and is not overwritten",
+            out.display()
+        )));
     }
     let plan = Plan::new(&models, args.stations.0.clone(), &wish);
     if plan.settings.is_empty() {
@@ -107,18 +118,38 @@ pub fn scan(args: &Args) -> Result<(), Failure> {
     if args.dry_run {
         return Ok(());
     }
-    let link = plan.settings.first().map_or(LinkSettings::DEFAULT, |setting| setting.link);
-    let port = ToolPort { address: args.port.clone(), link, direction: args.link.direction() };
-    let Scanned { findings, ended, echoes, late } = scanned(&plan, port)?;
+    let link = plan
+        .settings
+        .first()
+        .map_or(LinkSettings::DEFAULT, |setting| setting.link);
+    let port = ToolPort {
+        address: args.port.clone(),
+        link,
+        direction: args.link.direction(),
+    };
+    let Scanned {
+        findings,
+        ended,
+        echoes,
+        late,
+    } = scanned(&plan, port)?;
     if ended.is_err() && findings.drives.is_empty() {
         return ended;
     }
     let date = calendar::day(clock::wall());
-    let scan = Scan { port: &args.port, plan: &plan, findings: &findings, echoes, date: &date };
+    let scan = Scan {
+        port: &args.port,
+        plan: &plan,
+        findings: &findings,
+        echoes,
+        date: &date,
+    };
     tell(args, &scan, late)?;
     ended?;
     match (findings.is_complete, findings.drives.is_empty()) {
-        (false, _) => Err(Failure::failed("interrupted before all was tried; this was found so far")),
+        (false, _) => Err(Failure::failed(
+            "interrupted before all was tried; this was found so far",
+        )),
         (true, true) => Err(Failure::failed(ADVICE)),
         (true, false) => Ok(()),
     }
@@ -137,7 +168,10 @@ struct Scanned {
 
 /// Tries everything in `plan`, until Ctrl-C. Shows the progress.
 fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::failed)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
     runtime.block_on(async {
         let mut findings = Findings::default();
         let mut asker = PortAsker::new(port);
@@ -176,7 +210,10 @@ fn tell(args: &Args, scan: &Scan<'_>, late: u64) -> Result<(), Failure> {
 
 fn write_new(path: &std::path::Path, text: &str) -> Result<(), Failure> {
     use std::io::Write;
-    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    let file = std::fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
@@ -208,7 +245,13 @@ struct Shown<'a> {
 
 impl Shown<'_> {
     fn event(&mut self, event: &Event<'_>) {
-        let at = |number: usize| self.plan.settings.get(number).map(setting_text).unwrap_or_default();
+        let at = |number: usize| {
+            self.plan
+                .settings
+                .get(number)
+                .map(setting_text)
+                .unwrap_or_default()
+        };
         match event {
             Event::Setting(number) => {
                 let text = at(*number);
@@ -217,7 +260,12 @@ impl Shown<'_> {
             Event::Asked => self.bar.step(),
             Event::Answers(station) => self.bar.line(&format!("station {station} answers")),
             Event::Told(finding) => {
-                let text = format!("station {} at {}: {}", finding.station, at(finding.setting), model_text(finding));
+                let text = format!(
+                    "station {} at {}: {}",
+                    finding.station,
+                    at(finding.setting),
+                    model_text(finding)
+                );
                 self.bar.line(&text);
             }
         }

@@ -27,7 +27,11 @@ pub struct Scan<'a> {
 /// The model candidates, the best first, for people.
 pub fn model_text(finding: &Finding) -> String {
     let verdict = &finding.verdict;
-    let fits: Vec<_> = verdict.fits.iter().map(|(model, why)| format!("{} ({why})", model.id)).collect();
+    let fits: Vec<_> = verdict
+        .fits
+        .iter()
+        .map(|(model, why)| format!("{} ({why})", model.id))
+        .collect();
     let text = match verdict.word() {
         "probable" => format!("probably {}", fits.join(", ")),
         "possible" => format!("perhaps {}", fits.join(" or ")),
@@ -47,12 +51,29 @@ impl Scan<'_> {
     /// The drives as a table, and other observations.
     pub fn table(&self) -> String {
         let row = |finding: &Finding| {
-            let setting = self.setting(finding).map(|it| self.place(it)).unwrap_or_default();
-            [format!("station {}", finding.station), setting, model_text(finding)]
+            let setting = self
+                .setting(finding)
+                .map(|it| self.place(it))
+                .unwrap_or_default();
+            [
+                format!("station {}", finding.station),
+                setting,
+                model_text(finding),
+            ]
         };
         let mut text = table(self.findings.drives.iter().map(row));
-        for (setting, stations) in self.findings.damaged.iter().filter(|(_, stations)| !stations.is_empty()) {
-            let setting = self.plan.settings.get(*setting).map(|it| self.place(it)).unwrap_or_default();
+        for (setting, stations) in self
+            .findings
+            .damaged
+            .iter()
+            .filter(|(_, stations)| !stations.is_empty())
+        {
+            let setting = self
+                .plan
+                .settings
+                .get(*setting)
+                .map(|it| self.place(it))
+                .unwrap_or_default();
             let stations: Vec<_> = stations.iter().map(u8::to_string).collect();
             let _ = writeln!(
                 text,
@@ -70,7 +91,9 @@ impl Scan<'_> {
     fn place(&self, setting: &Setting) -> String {
         match self.port {
             PortAddress::Device(_) => setting_text(setting),
-            PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => "as the device server is set".to_owned(),
+            PortAddress::Tcp { .. } | PortAddress::ModbusTcp { .. } => {
+                "as the device server is set".to_owned()
+            }
         }
     }
 
@@ -88,15 +111,30 @@ impl Scan<'_> {
                 "says_other": finding.verdict.other,
                 "confidence": finding.verdict.word(),
             });
-            let link = self.setting(finding).filter(|_| matches!(self.port, PortAddress::Device(_)));
+            let link = self
+                .setting(finding)
+                .filter(|_| matches!(self.port, PortAddress::Device(_)));
             json["link"] = link.map_or(Value::Null, |setting| link_json(setting.link));
-            json["framing"] = self.setting(finding).map(|it| word_for(&FRAMINGS, &it.framing)).into();
+            json["framing"] = self
+                .setting(finding)
+                .map(|it| word_for(&FRAMINGS, &it.framing))
+                .into();
             json
         };
-        let damaged = self.findings.damaged.iter().flat_map(|(setting, stations)| {
-            let link = self.plan.settings.get(*setting).map(|it| link_json(it.link));
-            stations.iter().map(move |station| json!({ "station": station, "link": link }))
-        });
+        let damaged = self
+            .findings
+            .damaged
+            .iter()
+            .flat_map(|(setting, stations)| {
+                let link = self
+                    .plan
+                    .settings
+                    .get(*setting)
+                    .map(|it| link_json(it.link));
+                stations
+                    .iter()
+                    .map(move |station| json!({ "station": station, "link": link }))
+            });
         json!({
             "port": self.port.to_string(),
             "complete": self.findings.is_complete,
@@ -121,30 +159,55 @@ impl Scan<'_> {
             text.push_str("# The scan was interrupted before all was tried.\n\n");
         }
         self.line(setting, &mut text);
-        for finding in self.findings.drives.iter().filter(|it| it.setting == number) {
+        for finding in self
+            .findings
+            .drives
+            .iter()
+            .filter(|it| it.setting == number)
+        {
             drive(finding, &mut text);
         }
-        for finding in self.findings.drives.iter().filter(|it| it.setting != number) {
+        for finding in self
+            .findings
+            .drives
+            .iter()
+            .filter(|it| it.setting != number)
+        {
             let at = self.setting(finding).map(setting_text).unwrap_or_default();
             let station = finding.station;
             let model = model_text(finding);
-            let _ =
-                writeln!(text, "\n# Station {station} answers at {at} ({model}): set it to {} first.", setting.link);
+            let _ = writeln!(
+                text,
+                "\n# Station {station} answers at {at} ({model}): set it to {} first.",
+                setting.link
+            );
         }
         text.push_str("\n[[modbus_tcp]]\nlisten = \"127.0.0.1:1502\"\n");
         Some(text)
     }
 
     fn line(&self, setting: &Setting, text: &mut String) {
-        let LinkSettings { baud, data_bits, parity, stop_bits } = setting.link;
-        let _ = writeln!(text, "[[line]]\nname = \"line-1\"\nport = {}", json!(self.port.to_string()));
+        let LinkSettings {
+            baud,
+            data_bits,
+            parity,
+            stop_bits,
+        } = setting.link;
+        let _ = writeln!(
+            text,
+            "[[line]]\nname = \"line-1\"\nport = {}",
+            json!(self.port.to_string())
+        );
         if matches!(self.port, PortAddress::Tcp { .. }) {
             text.push_str(
                 "# The device server sets the line. Say here what it is set to, so that times are reckoned right.\n",
             );
         }
         let parity = word_for(&PARITIES, &parity);
-        let _ = writeln!(text, "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}");
+        let _ = writeln!(
+            text,
+            "baud = {baud}\nparity = \"{parity}\"\nstop_bits = {stop_bits}"
+        );
         if setting.framing == Framing::Ascii {
             let _ = writeln!(text, "framing = \"ascii\"\ndata_bits = {data_bits}");
         }
@@ -160,7 +223,13 @@ fn drive(finding: &Finding, text: &mut String) {
         let _ = writeln!(text, "\n# Station {station}: {}.", model_text(finding));
         return;
     };
-    let others: Vec<_> = finding.verdict.fits.iter().skip(1).map(|(model, _)| model.id.as_str()).collect();
+    let others: Vec<_> = finding
+        .verdict
+        .fits
+        .iter()
+        .skip(1)
+        .map(|(model, _)| model.id.as_str())
+        .collect();
     let sure = match (finding.verdict.word(), others.is_empty()) {
         ("probable", _) => format!("identified: {why}; compare it with the nameplate"),
         (_, true) if finding.verdict.answers_anything => {
@@ -176,8 +245,10 @@ fn drive(finding: &Finding, text: &mut String) {
     );
     if model.needs_full_scale() {
         let place = model.full_scale_parameter().unwrap_or("look it up there");
-        let _ =
-            writeln!(text, "  # full_scale_hz = # needed: the frequency that stands for 100 % at the drive; {place}");
+        let _ = writeln!(
+            text,
+            "  # full_scale_hz = # needed: the frequency that stands for 100 % at the drive; {place}"
+        );
     }
 }
 

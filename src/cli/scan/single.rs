@@ -38,8 +38,15 @@ impl SingleReads {
         };
         let models: Vec<_> = vendors::catalog().models().cloned().collect();
         let plan = Plan::new(&models, vec![station], &options);
-        let setting = plan.settings.first().ok_or_else(|| Failure::wrong(format!("no drive is set to {link}")))?;
-        let mut asker = PortAsker::new(ToolPort { address: port.clone(), link, direction });
+        let setting = plan
+            .settings
+            .first()
+            .ok_or_else(|| Failure::wrong(format!("no drive is set to {link}")))?;
+        let mut asker = PortAsker::new(ToolPort {
+            address: port.clone(),
+            link,
+            direction,
+        });
         asker.open(setting, &[station]).await?;
         Ok(Self { asker, station })
     }

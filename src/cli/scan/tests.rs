@@ -22,7 +22,10 @@ use std::time::Duration;
 
 pub(super) fn models() -> Vec<Arc<Model>> {
     let catalog = crate::vendors::catalog();
-    catalog.ids().map(|id| catalog.find(id).unwrap().clone()).collect()
+    catalog
+        .ids()
+        .map(|id| catalog.find(id).unwrap().clone())
+        .collect()
 }
 
 pub(super) fn model(id: &str) -> Arc<Model> {
@@ -44,10 +47,17 @@ pub(super) struct Simulated {
 impl Simulated {
     pub(super) fn new(model: &Arc<Model>, stations: &[u8], faults: FaultPlan) -> Self {
         let link = model.link.played();
-        let options = BusOptions { faults, turnaround: Duration::from_millis(8), ..BusOptions::default() };
+        let options = BusOptions {
+            faults,
+            turnaround: Duration::from_millis(8),
+            ..BusOptions::default()
+        };
         let mut bus = SimBus::new(link, options, 1);
         for station in stations {
-            bus.connect(Station(*station), SimDrive::new(Arc::clone(model), DriveOptions::default()));
+            bus.connect(
+                Station(*station),
+                SimDrive::new(Arc::clone(model), DriveOptions::default()),
+            );
         }
         let faulty = faults != FaultPlan::default();
         Self {
@@ -87,7 +97,8 @@ impl Simulated {
         self.now = wake.min(due).min(until).max(self.now);
         let now = self.now;
         let mut came = Vec::new();
-        self.bus.take_due(now, |_, bytes| came.extend_from_slice(bytes));
+        self.bus
+            .take_due(now, |_, bytes| came.extend_from_slice(bytes));
         if !came.is_empty() {
             core.handle(now, Input::Bytes(&came));
         }
@@ -98,7 +109,10 @@ impl Simulated {
 
 impl Asker for Simulated {
     async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
-        let drives = stations.iter().filter_map(|station| setting.station(*station)).collect();
+        let drives = stations
+            .iter()
+            .filter_map(|station| setting.station(*station))
+            .collect();
         let setup = LineSetup {
             timing: setting.timing(),
             drives,
@@ -110,7 +124,12 @@ impl Asker for Simulated {
             standby: None,
             keeps: false,
         };
-        self.now = self.now + if self.core.is_none() { LISTEN } else { Duration::from_millis(20) };
+        self.now = self.now
+            + if self.core.is_none() {
+                LISTEN
+            } else {
+                Duration::from_millis(20)
+            };
         let mut core = LineCore::new(setup, self.now);
         core.handle(self.now, Input::PortUp(PortKind::Serial));
         self.core = Some(core);
@@ -121,7 +140,11 @@ impl Asker for Simulated {
 
     async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
         let place = self.stations.iter().position(|it| *it == station).unwrap();
-        let origin = Origin { owner: Owner::Local, rights: Rights::NONE, manner: Manner::Once };
+        let origin = Origin {
+            owner: Owner::Local,
+            rights: Rights::NONE,
+            manner: Manner::Once,
+        };
         let deadline = self.now + Duration::from_secs(20);
         let request = NativeRequest {
             asker: AskerId::LOCAL,
@@ -153,7 +176,9 @@ impl Asker for Simulated {
 }
 
 pub(super) fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
-    let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .build()
+        .unwrap();
     let mut findings = Findings::default();
     let mut last = 0;
     let done = runtime.block_on(survey(plan, asker, &mut findings, |event| {
@@ -167,12 +192,22 @@ pub(super) fn played(plan: &Plan, asker: &mut Simulated) -> Findings {
 }
 
 pub(super) fn factory_plan(numbers: &str) -> Plan {
-    Plan::new(&models(), stations(numbers).unwrap(), &ScanOptions::default())
+    Plan::new(
+        &models(),
+        stations(numbers).unwrap(),
+        &ScanOptions::default(),
+    )
 }
 
 fn configuration(plan: &Plan, findings: &Findings) -> String {
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let scan = Scan { port: &port, plan, findings, echoes: false, date: "2026-01-31" };
+    let scan = Scan {
+        port: &port,
+        plan,
+        findings,
+        echoes: false,
+        date: "2026-01-31",
+    };
     scan.configuration().unwrap()
 }
 
@@ -185,7 +220,10 @@ const PROMISED_MORE: Duration = Duration::from_secs(1200);
 fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
     let plan = factory_plan("1-32");
     let (silent, told) = plan.duration();
-    assert!(silent < PROMISED && told < PROMISED_MORE, "reckoned: {silent:?} and {told:?}");
+    assert!(
+        silent < PROMISED && told < PROMISED_MORE,
+        "reckoned: {silent:?} and {told:?}"
+    );
     let all: Vec<u8> = (1..=32).collect();
     let catalog = crate::vendors::catalog();
     // One that refuses, one that shows 0, one that costs the most silences, and one with an identity.
@@ -194,17 +232,32 @@ fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
         let mut line = Simulated::new(&model, &all, FaultPlan::default());
         let findings = played(&plan, &mut line);
         let took = line.now.since(MonoTime::ZERO);
-        assert!(took < silent + told, "{}: {took:?} of {silent:?} and {told:?}", model.id);
+        assert!(
+            took < silent + told,
+            "{}: {took:?} of {silent:?} and {told:?}",
+            model.id
+        );
         assert_eq!(findings.drives.len(), 32, "{}", model.id);
         for drive in &findings.drives {
             let is_named = drive.verdict.fits.iter().any(|(fit, _)| fit.id == model.id);
-            assert!(is_named, "{} at station {}: {:?}", model.id, drive.station, drive.verdict.word());
+            assert!(
+                is_named,
+                "{} at station {}: {:?}",
+                model.id,
+                drive.station,
+                drive.verdict.word()
+            );
             assert_eq!(plan.settings[drive.setting].link, model.link.played());
         }
         // What nobody can read from the drive is left to its owner.
-        let text = configuration(&plan, &findings).replace("# full_scale_hz =", "full_scale_hz = 50");
+        let text =
+            configuration(&plan, &findings).replace("# full_scale_hz =", "full_scale_hz = 50");
         if let Err(problems) = config::load(&text, &catalog) {
-            panic!("{}\n{}", input::draw(Path::new("made"), &text, &problems), text);
+            panic!(
+                "{}\n{}",
+                input::draw(Path::new("made"), &text, &problems),
+                text
+            );
         }
     }
 }
@@ -213,17 +266,33 @@ fn an_unknown_line_is_known_in_bounded_time_whatever_hangs_there() {
 fn a_zero_proves_nothing_where_holes_show_zero() {
     let text = include_str!("../../../tests/golden/models/exchange.toml");
     let mut of_zeros = crate::profile::check::model(text).unwrap();
-    of_zeros.registers.retain(|register| matches!(register.name.as_str(), "status" | "output_frequency"));
-    of_zeros.exceptions.clone_from(&model("teco-e510").exceptions);
+    of_zeros
+        .registers
+        .retain(|register| matches!(register.name.as_str(), "status" | "output_frequency"));
+    of_zeros
+        .exceptions
+        .clone_from(&model("teco-e510").exceptions);
     let mut refusing = of_zeros.clone();
     refusing.read.holes = None;
     for (candidate, word) in [(refusing, "probable"), (of_zeros, "possible")] {
         let candidate = Arc::new(candidate);
         let all = [models(), vec![Arc::clone(&candidate)]].concat();
         let plan = Plan::new(&all, vec![1], &ScanOptions::default());
-        let findings = played(&plan, &mut Simulated::new(&candidate, &[1], FaultPlan::default()));
-        let [drive] = &findings.drives[..] else { panic!("one drive: {findings:?}") };
-        assert!(drive.verdict.fits.iter().any(|(fit, _)| fit.id == candidate.id), "{word}");
+        let findings = played(
+            &plan,
+            &mut Simulated::new(&candidate, &[1], FaultPlan::default()),
+        );
+        let [drive] = &findings.drives[..] else {
+            panic!("one drive: {findings:?}")
+        };
+        assert!(
+            drive
+                .verdict
+                .fits
+                .iter()
+                .any(|(fit, _)| fit.id == candidate.id),
+            "{word}"
+        );
         assert_eq!(drive.verdict.word(), word);
     }
 }
@@ -234,21 +303,47 @@ fn nobody_answering_takes_what_was_said() {
     let mut line = Simulated::new(&model("hyundai-n700"), &[], FaultPlan::default());
     let findings = played(&plan, &mut line);
     let (silent, _) = plan.duration();
-    assert!(line.now.since(MonoTime::ZERO) <= silent, "{:?} of {silent:?}", line.now);
+    assert!(
+        line.now.since(MonoTime::ZERO) <= silent,
+        "{:?} of {silent:?}",
+        line.now
+    );
     assert!(findings.drives.is_empty() && findings.is_complete);
 }
 
 #[test]
 fn the_factory_settings_are_those_of_the_models() {
     let plan = factory_plan("1");
-    let links: Vec<_> = plan.settings.iter().map(|setting| setting.link.to_string()).collect();
-    let expected = ["19200 8E1", "9600 8N1", "19200 8N2", "9600 8N2", "115200 8N1", "19200 8N1", "4800 8N1"];
+    let links: Vec<_> = plan
+        .settings
+        .iter()
+        .map(|setting| setting.link.to_string())
+        .collect();
+    let expected = [
+        "19200 8E1",
+        "9600 8N1",
+        "19200 8N2",
+        "9600 8N2",
+        "115200 8N1",
+        "19200 8N1",
+        "4800 8N1",
+    ];
     assert_eq!(links, expected);
     for setting in &plan.settings {
-        let factory: Vec<_> = models().into_iter().filter(|it| it.link.played() == setting.link).collect();
+        let factory: Vec<_> = models()
+            .into_iter()
+            .filter(|it| it.link.played() == setting.link)
+            .collect();
         for model in &factory {
-            let answers = |probe: &Probe| model.readable_at(probe.address).is_some() || !model.exceptions.is_empty();
-            assert!(setting.probes.iter().any(answers), "{} at {}", model.id, setting.link);
+            let answers = |probe: &Probe| {
+                model.readable_at(probe.address).is_some() || !model.exceptions.is_empty()
+            };
+            assert!(
+                setting.probes.iter().any(answers),
+                "{} at {}",
+                model.id,
+                setting.link
+            );
         }
         assert!(setting.probes.len() <= factory.len());
     }
@@ -256,30 +351,59 @@ fn the_factory_settings_are_those_of_the_models() {
 
 #[test]
 fn what_most_models_leave_the_factory_with_is_tried_first() {
-    let wishes = [false, true].into_iter().flat_map(|is_ascii| [(is_ascii, false), (is_ascii, true)]);
+    let wishes = [false, true]
+        .into_iter()
+        .flat_map(|is_ascii| [(is_ascii, false), (is_ascii, true)]);
     for (is_ascii, everything) in wishes {
-        let plan = Plan::new(&models(), vec![1], &ScanOptions { is_ascii, everything, ..ScanOptions::default() });
-        let takes = |model: &Arc<Model>| !is_ascii || model.link.framings.value.contains(&Framing::Ascii);
+        let plan = Plan::new(
+            &models(),
+            vec![1],
+            &ScanOptions {
+                is_ascii,
+                everything,
+                ..ScanOptions::default()
+            },
+        );
+        let takes =
+            |model: &Arc<Model>| !is_ascii || model.link.framings.value.contains(&Framing::Ascii);
         let all: Vec<_> = models().into_iter().filter(takes).collect();
         let count = |setting: &Setting| {
             let is_like = |known: LinkSettings| {
-                let LinkSettings { baud, parity, stop_bits, .. } = setting.link;
+                let LinkSettings {
+                    baud,
+                    parity,
+                    stop_bits,
+                    ..
+                } = setting.link;
                 let has_bits = is_ascii || known.data_bits == setting.link.data_bits;
                 (known.baud, known.parity, known.stop_bits) == (baud, parity, stop_bits) && has_bits
             };
-            all.iter().filter_map(|model| model.link.factory()).filter(|known| is_like(*known)).count()
+            all.iter()
+                .filter_map(|model| model.link.factory())
+                .filter(|known| is_like(*known))
+                .count()
         };
-        let tried: Vec<_> = plan.settings.iter().map(|it| (count(it), it.link.baud, it.factory_count == 0)).collect();
+        let tried: Vec<_> = plan
+            .settings
+            .iter()
+            .map(|it| (count(it), it.link.baud, it.factory_count == 0))
+            .collect();
         for pair in tried.windows(2) {
             let ((before, faster, is_other), (after, slower, is_later_other)) = (pair[0], pair[1]);
             if is_other == is_later_other {
-                assert!(before > after || (before == after && faster >= slower), "{tried:?}");
+                assert!(
+                    before > after || (before == after && faster >= slower),
+                    "{tried:?}"
+                );
             } else {
                 assert!(is_later_other, "factory settings come first: {tried:?}");
             }
         }
     }
-    assert!(factory_plan("1").settings[0].link != model("hitachi-x200").link.played(), "one model has it");
+    assert!(
+        factory_plan("1").settings[0].link != model("hitachi-x200").link.played(),
+        "one model has it"
+    );
 }
 
 /// Its factory setting is nobody's to know: a usual one is tried, and all others on request.
@@ -288,40 +412,112 @@ fn a_model_without_a_factory_setting_is_looked_for_at_a_usual_one() {
     let v20 = model("siemens-v20");
     assert_eq!(v20.link.factory(), None);
     let links = |everything| {
-        let wish = ScanOptions { everything, ..ScanOptions::default() };
-        Plan::new(&[Arc::clone(&v20)], vec![1], &wish).settings.iter().map(|it| it.link.to_string()).collect::<Vec<_>>()
+        let wish = ScanOptions {
+            everything,
+            ..ScanOptions::default()
+        };
+        Plan::new(&[Arc::clone(&v20)], vec![1], &wish)
+            .settings
+            .iter()
+            .map(|it| it.link.to_string())
+            .collect::<Vec<_>>()
     };
     assert_eq!(links(false), ["9600 8N1"]);
     let of_model = &v20.link;
-    let all = of_model.bauds.value.len() * of_model.parities.value.len() * of_model.stop_bits.value.len();
+    let all =
+        of_model.bauds.value.len() * of_model.parities.value.len() * of_model.stop_bits.value.len();
     assert_eq!(links(true).len(), all);
-    assert!(links(true).contains(&"9600 8E1".to_owned()) && links(true).contains(&"38400 8E1".to_owned()));
+    assert!(
+        links(true).contains(&"9600 8E1".to_owned())
+            && links(true).contains(&"38400 8E1".to_owned())
+    );
 }
 
 #[test]
 fn everything_else_is_tried_on_request_and_after_the_factories() {
-    let all = Plan::new(&models(), vec![1], &ScanOptions { everything: true, ..ScanOptions::default() });
+    let all = Plan::new(
+        &models(),
+        vec![1],
+        &ScanOptions {
+            everything: true,
+            ..ScanOptions::default()
+        },
+    );
     let factory = factory_plan("1");
     let links: Vec<_> = all.settings.iter().map(|setting| setting.link).collect();
-    let first: Vec<_> = factory.settings.iter().map(|setting| setting.link).collect();
+    let first: Vec<_> = factory
+        .settings
+        .iter()
+        .map(|setting| setting.link)
+        .collect();
     assert_eq!(links[..first.len()], first[..]);
-    assert!(links.iter().enumerate().all(|(at, link)| !links[..at].contains(link)));
+    assert!(
+        links
+            .iter()
+            .enumerate()
+            .all(|(at, link)| !links[..at].contains(link))
+    );
     for model in models() {
         for baud in &model.link.bauds.value {
-            assert!(links.iter().any(|link| link.baud == *baud), "{} at {baud}", model.id);
+            assert!(
+                links.iter().any(|link| link.baud == *baud),
+                "{} at {baud}",
+                model.id
+            );
         }
     }
-    let wish =
-        ScanOptions { bauds: vec![9600], parity: Some(Parity::Even), stop_bits: Some(1), ..ScanOptions::default() };
+    let wish = ScanOptions {
+        bauds: vec![9600],
+        parity: Some(Parity::Even),
+        stop_bits: Some(1),
+        ..ScanOptions::default()
+    };
     let one = Plan::new(&models(), vec![1], &wish);
-    assert_eq!(one.settings.iter().map(|it| it.link.to_string()).collect::<Vec<_>>(), ["9600 8E1"]);
-    let network = Plan::new(&models(), vec![1], &ScanOptions { is_network: true, ..ScanOptions::default() });
-    assert_eq!((network.settings.len(), network.settings[0].candidates.len()), (1, models().len()));
-    let ascii = Plan::new(&models(), vec![1], &ScanOptions { is_ascii: true, ..ScanOptions::default() });
+    assert_eq!(
+        one.settings
+            .iter()
+            .map(|it| it.link.to_string())
+            .collect::<Vec<_>>(),
+        ["9600 8E1"]
+    );
+    let network = Plan::new(
+        &models(),
+        vec![1],
+        &ScanOptions {
+            is_network: true,
+            ..ScanOptions::default()
+        },
+    );
+    assert_eq!(
+        (network.settings.len(), network.settings[0].candidates.len()),
+        (1, models().len())
+    );
+    let ascii = Plan::new(
+        &models(),
+        vec![1],
+        &ScanOptions {
+            is_ascii: true,
+            ..ScanOptions::default()
+        },
+    );
     let takes_ascii = |model: &Arc<Model>| model.link.framings.value.contains(&Framing::Ascii);
-    assert!(ascii.settings.iter().all(|it| it.candidates.iter().all(takes_ascii)));
-    let of_delta = ascii.settings.iter().find(|it| it.link.to_string() == "9600 7N2");
-    assert!(of_delta.unwrap().candidates.iter().any(|model| model.id == "delta-vfd-el"));
+    assert!(
+        ascii
+            .settings
+            .iter()
+            .all(|it| it.candidates.iter().all(takes_ascii))
+    );
+    let of_delta = ascii
+        .settings
+        .iter()
+        .find(|it| it.link.to_string() == "9600 7N2");
+    assert!(
+        of_delta
+            .unwrap()
+            .candidates
+            .iter()
+            .any(|model| model.id == "delta-vfd-el")
+    );
 }
 
 #[test]
@@ -330,12 +526,27 @@ fn damaged_answers_are_distinguished_from_silence() {
     let mut line = Simulated::new(&model("frecon-fr500a"), &[3], "flip=1000".parse().unwrap());
     assert!(line.faulty);
     let findings = played(&plan, &mut line);
-    let at = plan.settings.iter().position(|setting| setting.link.to_string() == "9600 8N2").unwrap();
+    let at = plan
+        .settings
+        .iter()
+        .position(|setting| setting.link.to_string() == "9600 8N2")
+        .unwrap();
     assert!(findings.drives.is_empty(), "{:?}", findings.drives);
     assert!(findings.damaged[&at].contains(&3));
     let port = PortAddress::Device(Path::new("/dev/ttyUSB0").to_owned());
-    let scan = Scan { port: &port, plan: &plan, findings: &findings, echoes: false, date: "" };
-    assert!(scan.table().contains("9600 8N2: something answers as station 3, but damaged"), "{}", scan.table());
+    let scan = Scan {
+        port: &port,
+        plan: &plan,
+        findings: &findings,
+        echoes: false,
+        date: "",
+    };
+    assert!(
+        scan.table()
+            .contains("9600 8N2: something answers as station 3, but damaged"),
+        "{}",
+        scan.table()
+    );
     assert_eq!(scan.configuration(), None);
     assert_eq!(scan.json()["damaged"][0]["station"], 3);
 }

@@ -3,8 +3,8 @@
 use super::super::file::{ControlFile, LimitsFile, NativeFile};
 use super::super::keys::Section;
 use super::super::words::{
-    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, ON_OUTPUT_OUTSIDE, OWNERSHIPS, WAYS, Way,
-    on_gateway_lost,
+    self, ACTIONS, BUS_FUNCTIONS, COMMANDS, DIRECTIONS, FAIL_SAFES, LEASES, ON_OUTPUT_OUTSIDE,
+    OWNERSHIPS, WAYS, Way, on_gateway_lost,
 };
 use super::tables::refuse_not_served;
 use crate::domain::frequency::Hertz;
@@ -22,7 +22,8 @@ const STOP_EFFECT: RangeInclusive<Duration> = Duration::from_millis(500)..=Durat
 const START_INTERVAL: RangeInclusive<Duration> = Duration::ZERO..=Duration::from_secs(3600);
 const WATCHDOG: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(3600);
 const FAILSAFE_CONFIRM: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(60);
-const STORED_WRITE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(24 * 3600);
+const STORED_WRITE: RangeInclusive<Duration> =
+    Duration::from_secs(1)..=Duration::from_secs(24 * 3600);
 const STOP_PENDING: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
 
 /// `[line.drive.control]`
@@ -32,15 +33,29 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         from: reader.required_list("from", &Kind::choice(&WAYS, Way::meaning)),
         bus: reader.optional("bus", &Kind::choice(&BUS_FUNCTIONS, words::of_bus)),
         limits: read_limits(&mut reader),
-        directions: reader.list("directions", &Kind::choice(&DIRECTIONS, words::of_direction)),
+        directions: reader.list(
+            "directions",
+            &Kind::choice(&DIRECTIONS, words::of_direction),
+        ),
         reverse_below: read_hertz(&mut reader, "reverse_below_hz"),
-        on_commander_lost: reader.required("on_commander_lost", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
+        on_commander_lost: reader.required(
+            "on_commander_lost",
+            &Kind::choice(&FAIL_SAFES, words::of_fail_safe),
+        ),
         lost_after: reader.required("lost_after", &Kind::duration(LOST_AFTER)),
-        on_shutdown: reader.required("on_shutdown", &Kind::choice(&FAIL_SAFES, words::of_fail_safe)),
-        on_output_outside: reader
-            .optional("on_output_outside", &Kind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside)),
+        on_shutdown: reader.required(
+            "on_shutdown",
+            &Kind::choice(&FAIL_SAFES, words::of_fail_safe),
+        ),
+        on_output_outside: reader.optional(
+            "on_output_outside",
+            &Kind::choice(&ON_OUTPUT_OUTSIDE, words::of_output_outside),
+        ),
         on_gateway_lost: reader.optional("on_gateway_lost", &on_gateway_lost()),
-        accept_unverified: reader.list("accept_unverified", &Kind::choice(&ACTIONS, words::of_action)),
+        accept_unverified: reader.list(
+            "accept_unverified",
+            &Kind::choice(&ACTIONS, words::of_action),
+        ),
         qualify: reader.optional("qualify", &Kind::flag()),
         allow_release: reader.optional("allow_release", &Kind::flag()),
         strict: reader.optional("commands", &Kind::choice(&COMMANDS, words::of_commands)),
@@ -53,7 +68,10 @@ pub(super) fn read_control(mut reader: Reader<'_, '_>) -> ControlFile {
         min_start_interval: reader.optional("min_start_interval", &Kind::duration(START_INTERVAL)),
         watchdog: reader.optional("watchdog", &Kind::duration(WATCHDOG)),
         require_watchdog: reader.optional("require_watchdog", &Kind::flag()),
-        failsafe_confirm_timeout: reader.optional("failsafe_confirm_timeout", &Kind::duration(FAILSAFE_CONFIRM)),
+        failsafe_confirm_timeout: reader.optional(
+            "failsafe_confirm_timeout",
+            &Kind::duration(FAILSAFE_CONFIRM),
+        ),
     };
     reader.finish();
     control
@@ -64,7 +82,8 @@ pub(super) fn read_native(mut reader: Reader<'_, '_>) -> NativeFile {
     refuse_not_served(&mut reader, Section::Native);
     let native = NativeFile {
         write: reader.required_list("write", &Kind::text()),
-        stored_write_interval: reader.optional("stored_write_interval", &Kind::duration(STORED_WRITE)),
+        stored_write_interval: reader
+            .optional("stored_write_interval", &Kind::duration(STORED_WRITE)),
         store: reader.optional("store", &Kind::flag()),
     };
     reader.finish();
@@ -77,7 +96,10 @@ fn read_limits(reader: &mut Reader<'_, '_>) -> Option<LimitsFile> {
     let kind = Kind::decimal(HERTZ);
     let min = reader.required("min", &kind);
     let max = reader.required("max", &kind);
-    let limits = LimitsFile { min: exact(min, reader.problems()), max: exact(max, reader.problems()) };
+    let limits = LimitsFile {
+        min: exact(min, reader.problems()),
+        max: exact(max, reader.problems()),
+    };
     reader.finish();
     Some(limits)
 }
@@ -98,7 +120,11 @@ fn exact(written: RequiredKey<f64>, problems: &mut Vec<Problem>) -> RequiredKey<
     match Hertz::from_f64(value) {
         Ok(value) => Some(Spanned { value, location }),
         Err(wrong) => {
-            problems.push(location.problem(format!("{value} is {wrong}")).right("at most three decimals"));
+            problems.push(
+                location
+                    .problem(format!("{value} is {wrong}"))
+                    .right("at most three decimals"),
+            );
             None
         }
     }

@@ -48,7 +48,10 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     let gateway = match inner(&mut reader, "gateway", read_gateway) {
         OptionalKey::Valid(gateway) => gateway.value,
         OptionalKey::Absent => GatewayFile::LEFT_OUT,
-        OptionalKey::Invalid => GatewayFile { model_dirs: OptionalKey::Invalid, ..GatewayFile::LEFT_OUT },
+        OptionalKey::Invalid => GatewayFile {
+            model_dirs: OptionalKey::Invalid,
+            ..GatewayFile::LEFT_OUT
+        },
     };
     let file = File {
         gateway,
@@ -62,8 +65,13 @@ pub(super) fn read(text: &str, problems: &mut Vec<Problem>) -> Option<File> {
     };
     // A gateway that is set up in the page begins without a line.
     if file.lines.is_empty() && !file.http.valid().is_some_and(|http| http.value.sets_up()) {
-        let problem = reader.location().missing("line").problem("there is no line");
-        reader.problems().push(problem.right("`[[line]]` with `name`, `port` and at least one `[[line.drive]]`"));
+        let problem = reader
+            .location()
+            .missing("line")
+            .problem("there is no line");
+        reader.problems().push(
+            problem.right("`[[line]]` with `name`, `port` and at least one `[[line.drive]]`"),
+        );
     }
     reader.finish();
     Some(file)
@@ -84,7 +92,10 @@ fn read_gateway(mut reader: Reader<'_, '_>) -> GatewayFile {
 fn read_journal(mut reader: Reader<'_, '_>) -> JournalFile {
     refuse_not_served(&mut reader, keys::Section::Journal);
     let size = Kind::parsed("a size from \"1MB\" to \"16GB\"", size_bytes);
-    let journal = JournalFile { location: reader.location().clone(), max_size: reader.optional("max_size", &size) };
+    let journal = JournalFile {
+        location: reader.location().clone(),
+        max_size: reader.optional("max_size", &size),
+    };
     reader.finish();
     journal
 }
@@ -96,7 +107,10 @@ fn read_standby(mut reader: Reader<'_, '_>) -> StandbyFile {
         half: reader.required("half", &half_kind()),
         partner: reader.required("partner", &half_kind()),
         rank: reader.optional("rank", &Kind::number(0..=RANK_MAX)),
-        take_over_after: reader.optional("take_over_after", &Kind::duration(TAKE_OVER).or_word("auto")),
+        take_over_after: reader.optional(
+            "take_over_after",
+            &Kind::duration(TAKE_OVER).or_word("auto"),
+        ),
     };
     reader.finish();
     standby
@@ -117,7 +131,10 @@ fn size_bytes(text: &str) -> Option<u64> {
 /// The directories of `text` that hold models; empty if it is not TOML, or if one of them is invalid.
 pub(super) fn model_dirs(text: &str) -> Vec<Spanned<PathBuf>> {
     match gateway(text) {
-        Some(GatewayFile { model_dirs: OptionalKey::Valid(dirs), .. }) => dirs.value,
+        Some(GatewayFile {
+            model_dirs: OptionalKey::Valid(dirs),
+            ..
+        }) => dirs.value,
         _ => Vec::new(),
     }
 }
@@ -155,14 +172,22 @@ fn read_line(mut reader: Reader<'_, '_>) -> LineFile {
         low_latency: reader.optional("low_latency", &Kind::flag()),
         silence: read_silence(&mut reader),
         min_request_gap: reader.optional("min_request_gap", &Kind::duration(REQUEST_GAP)),
-        reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
+        reply_timeout: reader.optional(
+            "reply_timeout",
+            &Kind::duration(REPLY_TIMEOUT).or_word("auto"),
+        ),
         max_status_age: reader.optional("max_status_age", &Kind::duration(STATUS_AGE)),
         standby: reader.optional("standby", &Kind::flag()),
         drives: each(&mut reader, "drive", read_drive),
     };
     if line.drives.is_empty() {
-        let problem = line.location.missing("drive").problem("the line has no drive");
-        reader.problems().push(problem.right("`[[line.drive]]` with `name`, `model` and `station`"));
+        let problem = line
+            .location
+            .missing("drive")
+            .problem("the line has no drive");
+        reader
+            .problems()
+            .push(problem.right("`[[line.drive]]` with `name`, `model` and `station`"));
     }
     reader.finish();
     line
@@ -179,15 +204,24 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
         uniform_unit: read_unit(&mut reader, "uniform_unit"),
         group: reader.optional("group", &name_kind()),
         poll: reader.optional("poll", &Kind::duration(POLL)),
-        reply_timeout: reader.optional("reply_timeout", &Kind::duration(REPLY_TIMEOUT).or_word("auto")),
+        reply_timeout: reader.optional(
+            "reply_timeout",
+            &Kind::duration(REPLY_TIMEOUT).or_word("auto"),
+        ),
         max_lateness: reader.optional("max_lateness", &Kind::duration(MAX_LATENESS)),
         rated_current: read_rated(&mut reader, "rated_current_a"),
         rated_voltage: read_rated(&mut reader, "rated_voltage_v"),
         full_scale: read_rated(&mut reader, "full_scale_hz"),
         registers: read_registers(&mut reader),
-        dead_bands: inner(&mut reader, "dead_bands", |reader| reader.all(&Kind::decimal(DEAD_BAND))),
-        heartbeats: inner(&mut reader, "heartbeats", |reader| reader.all(&Kind::duration(mqtt::HEARTBEAT))),
-        decimals: inner(&mut reader, "decimals", |reader| reader.all(&Kind::number(DECIMALS))),
+        dead_bands: inner(&mut reader, "dead_bands", |reader| {
+            reader.all(&Kind::decimal(DEAD_BAND))
+        }),
+        heartbeats: inner(&mut reader, "heartbeats", |reader| {
+            reader.all(&Kind::duration(mqtt::HEARTBEAT))
+        }),
+        decimals: inner(&mut reader, "decimals", |reader| {
+            reader.all(&Kind::number(DECIMALS))
+        }),
         control: inner(&mut reader, "control", control::read_control),
         native: inner(&mut reader, "native", control::read_native),
     };
@@ -197,7 +231,10 @@ fn read_drive(mut reader: Reader<'_, '_>) -> DriveFile {
 
 fn read_registers(reader: &mut Reader<'_, '_>) -> Vec<RegisterFile> {
     let sections = reader.tables("register");
-    sections.into_iter().map(|section| extra_register(section, reader.problems())).collect()
+    sections
+        .into_iter()
+        .map(|section| extra_register(section, reader.problems()))
+        .collect()
 }
 
 fn name_kind() -> Kind<'static, Name> {
@@ -208,21 +245,31 @@ fn name_kind() -> Kind<'static, Name> {
 /// The name of a gateway in its pair. It is a part of client identifiers, which are short.
 fn half_kind() -> Kind<'static, Name> {
     let right = format!("1 to {HALF_CHARS} {}", Name::RULE);
-    Kind::parsed(right, |text| Name::new(text).filter(|_| text.len() <= HALF_CHARS))
+    Kind::parsed(right, |text| {
+        Name::new(text).filter(|_| text.len() <= HALF_CHARS)
+    })
 }
 
 fn read_silence(reader: &mut Reader<'_, '_>) -> OptionalKey<Silence> {
     let silence = reader.optional("silence", &Kind::duration(SILENCE).or_word("auto"));
-    turned(silence, |fixed| Some(fixed.map_or(Silence::Auto, Silence::Fixed)))
+    turned(silence, |fixed| {
+        Some(fixed.map_or(Silence::Auto, Silence::Fixed))
+    })
 }
 
 fn read_station(reader: &mut Reader<'_, '_>) -> RequiredKey<Station> {
     let Spanned { value, location } = reader.required("station", &Kind::number(0..=u8::MAX))?;
-    Some(Spanned { value: Station(value), location })
+    Some(Spanned {
+        value: Station(value),
+        location,
+    })
 }
 
 fn read_unit(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<UnitId> {
-    turned(reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)), UnitId::new)
+    turned(
+        reader.optional(key, &Kind::number(UnitId::MIN..=UnitId::MAX)),
+        UnitId::new,
+    )
 }
 
 /// A rated value in thousandths.
@@ -234,20 +281,30 @@ fn read_rated(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<u32
     };
     let thousandths = (value * 1000.0).round();
     if thousandths / 1000.0 != value {
-        reader
-            .problems()
-            .push(location.problem(format!("{value} is finer than 0.001")).right("at most three decimals"));
+        reader.problems().push(
+            location
+                .problem(format!("{value} is finer than 0.001"))
+                .right("at most three decimals"),
+        );
         return OptionalKey::Invalid;
     }
-    OptionalKey::Valid(Spanned { value: thousandths as u32, location })
+    OptionalKey::Valid(Spanned {
+        value: thousandths as u32,
+        location,
+    })
 }
 
 fn read_port(reader: &mut Reader<'_, '_>) -> RequiredKey<PortAddress> {
     let written = reader.required("port", &Kind::text())?;
     match port::parse(&written.value) {
-        Ok(value) => Some(Spanned { value, location: written.location }),
+        Ok(value) => Some(Spanned {
+            value,
+            location: written.location,
+        }),
         Err((what, right)) => {
-            reader.problems().push(written.location.problem(what).right(right));
+            reader
+                .problems()
+                .push(written.location.problem(what).right(right));
             None
         }
     }

@@ -12,9 +12,11 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// Range of heartbeats.
-pub(super) const HEARTBEAT: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(3600);
+pub(super) const HEARTBEAT: RangeInclusive<Duration> =
+    Duration::from_secs(1)..=Duration::from_secs(3600);
 const KEEP_ALIVE: RangeInclusive<Duration> = Duration::from_secs(5)..=Duration::from_secs(600);
-const PROBE_INTERVAL: RangeInclusive<Duration> = Duration::from_millis(200)..=Duration::from_secs(60);
+const PROBE_INTERVAL: RangeInclusive<Duration> =
+    Duration::from_millis(200)..=Duration::from_secs(60);
 /// Range of the maximum age of a Sparkplug command.
 const COMMAND_AGE: RangeInclusive<Duration> = Duration::from_secs(1)..=Duration::from_secs(300);
 const COMMAND_TTL: RangeInclusive<Duration> = Duration::from_millis(100)..=Duration::from_secs(60);
@@ -37,15 +39,32 @@ pub(super) fn read_mqtt(mut reader: Reader<'_, '_>) -> MqttFile {
         also_at: read_also_at(&mut reader),
         user: reader.optional("user", &Kind::text()),
         password_file: reader.optional("password_file", &absolute_path()),
-        password_env: reader.optional("password_env", &Kind::parsed("the name of an environment variable", variable)),
+        password_env: reader.optional(
+            "password_env",
+            &Kind::parsed("the name of an environment variable", variable),
+        ),
         allow_plain_password: reader.optional("allow_plain_password", &Kind::flag()),
         client_id: reader.optional("client_id", &client_id()),
-        version: turned(reader.optional("version", &Kind::number(4..=5_u8)), |version| {
-            Some(if version == 4 { Version::V4 } else { Version::V5 })
-        }),
-        subscription_qos: turned(reader.optional("subscription_qos", &Kind::number(0..=1_u8)), |qos| {
-            Some(if qos == 0 { Qos::AtMostOnce } else { Qos::AtLeastOnce })
-        }),
+        version: turned(
+            reader.optional("version", &Kind::number(4..=5_u8)),
+            |version| {
+                Some(if version == 4 {
+                    Version::V4
+                } else {
+                    Version::V5
+                })
+            },
+        ),
+        subscription_qos: turned(
+            reader.optional("subscription_qos", &Kind::number(0..=1_u8)),
+            |qos| {
+                Some(if qos == 0 {
+                    Qos::AtMostOnce
+                } else {
+                    Qos::AtLeastOnce
+                })
+            },
+        ),
         prefix: reader.optional("prefix", &topics()),
         heartbeat: reader.optional("heartbeat", &Kind::duration(HEARTBEAT)),
         keep_alive: read_keep_alive(&mut reader),
@@ -94,9 +113,10 @@ fn read_sparkplug(mut reader: Reader<'_, '_>) -> SparkplugFile {
 
 /// One level of a topic.
 fn level() -> Kind<'static, String> {
-    Kind::parsed("one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"", |text| {
-        (is_topic(text) && !text.contains('/')).then(|| text.to_owned())
-    })
+    Kind::parsed(
+        "one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
+        |text| (is_topic(text) && !text.contains('/')).then(|| text.to_owned()),
+    )
 }
 
 fn read_broker(reader: &mut Reader<'_, '_>) -> RequiredKey<Address> {
@@ -110,11 +130,19 @@ fn read_also_at(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<Address>
         OptionalKey::Invalid => return OptionalKey::Invalid,
         OptionalKey::Valid(list) => list,
     };
-    let read: Option<Vec<_>> = value.into_iter().map(|text| read_address(reader, text)).collect();
-    read.map_or(OptionalKey::Invalid, |value| OptionalKey::Valid(Spanned { value, location }))
+    let read: Option<Vec<_>> = value
+        .into_iter()
+        .map(|text| read_address(reader, text))
+        .collect();
+    read.map_or(OptionalKey::Invalid, |value| {
+        OptionalKey::Valid(Spanned { value, location })
+    })
 }
 
-fn read_address(reader: &mut Reader<'_, '_>, Spanned { value, location }: Spanned<String>) -> RequiredKey<Address> {
+fn read_address(
+    reader: &mut Reader<'_, '_>,
+    Spanned { value, location }: Spanned<String>,
+) -> RequiredKey<Address> {
     match broker::parse(&value) {
         Ok(value) => Some(Spanned { value, location }),
         Err((what, right)) => {
@@ -127,9 +155,16 @@ fn read_address(reader: &mut Reader<'_, '_>, Spanned { value, location }: Spanne
 /// The protocol uses whole seconds for this time.
 fn read_keep_alive(reader: &mut Reader<'_, '_>) -> OptionalKey<Duration> {
     let keep_alive = reader.optional("keep_alive", &Kind::duration(KEEP_ALIVE));
-    if let Some(written) = keep_alive.valid().filter(|written| written.value.subsec_millis() != 0) {
-        let problem = written.location.problem("the protocol uses whole seconds for this time");
-        reader.problems().push(problem.right(format!("\"{}s\"", written.value.as_secs())));
+    if let Some(written) = keep_alive
+        .valid()
+        .filter(|written| written.value.subsec_millis() != 0)
+    {
+        let problem = written
+            .location
+            .problem("the protocol uses whole seconds for this time");
+        reader
+            .problems()
+            .push(problem.right(format!("\"{}s\"", written.value.as_secs())));
         return OptionalKey::Invalid;
     }
     keep_alive
@@ -137,15 +172,20 @@ fn read_keep_alive(reader: &mut Reader<'_, '_>) -> OptionalKey<Duration> {
 
 fn variable(text: &str) -> Option<String> {
     let fits = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+        && text
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
     fits.then(|| text.to_owned())
 }
 
 fn client_id() -> Kind<'static, String> {
-    let fits = |text: &str| (1..=MAX_BYTES).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic());
-    Kind::parsed(format!("1 to {MAX_BYTES} visible characters without blanks"), move |text| {
-        fits(text).then(|| text.to_owned())
-    })
+    let fits = |text: &str| {
+        (1..=MAX_BYTES).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_graphic())
+    };
+    Kind::parsed(
+        format!("1 to {MAX_BYTES} visible characters without blanks"),
+        move |text| fits(text).then(|| text.to_owned()),
+    )
 }
 
 /// The first levels of other topics.
@@ -160,17 +200,24 @@ fn topics() -> Kind<'static, String> {
 /// The address of a page.
 fn page() -> Kind<'static, String> {
     Kind::parsed("an address such as \"https://192.168.1.5:8443\"", |text| {
-        let host = text.strip_prefix("http://").or_else(|| text.strip_prefix("https://"))?;
-        let fits = !host.is_empty() && text.len() <= MAX_BYTES && text.bytes().all(|byte| byte.is_ascii_graphic());
+        let host = text
+            .strip_prefix("http://")
+            .or_else(|| text.strip_prefix("https://"))?;
+        let fits = !host.is_empty()
+            && text.len() <= MAX_BYTES
+            && text.bytes().all(|byte| byte.is_ascii_graphic());
         fits.then(|| text.to_owned())
     })
 }
 
 fn topic_or_none() -> Kind<'static, Option<String>> {
-    Kind::parsed("a topic without `+`, `#` or a first `$`, or \"\" for none", |text| match text {
-        "" => Some(None),
-        topic => is_topic(topic).then(|| Some(topic.to_owned())),
-    })
+    Kind::parsed(
+        "a topic without `+`, `#` or a first `$`, or \"\" for none",
+        |text| match text {
+            "" => Some(None),
+            topic => is_topic(topic).then(|| Some(topic.to_owned())),
+        },
+    )
 }
 
 /// One topic; not a filter, and not one of the broker's own.

@@ -1,6 +1,8 @@
 //! The tables of listeners: `[[modbus_tcp]]` and `[http]`.
 
-use super::super::file::{HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile};
+use super::super::file::{
+    HttpFile, HttpTlsFile, HttpUserFile, ListenerFile, ListenerTlsFile, RoleFile,
+};
 use super::super::keys::Section;
 use super::super::ready_http::Viewers;
 use super::super::words::{ROLE_RIGHTS, ROLES, RoleRight, VIEWERS};
@@ -59,8 +61,16 @@ fn read_tls(mut reader: Reader<'_, '_>) -> ListenerTlsFile {
 fn read_roles(reader: &mut Reader<'_, '_>) -> RequiredKey<Vec<RoleFile>> {
     let section = reader.required_table("roles")?;
     let location = section.location.clone();
-    let roles = reader.open(section).all_lists(&Kind::choice(&ROLE_RIGHTS, RoleRight::meaning)).into_iter();
-    Some(Spanned { value: roles.map(|(name, rights)| RoleFile { name, rights }).collect(), location })
+    let roles = reader
+        .open(section)
+        .all_lists(&Kind::choice(&ROLE_RIGHTS, RoleRight::meaning))
+        .into_iter();
+    Some(Spanned {
+        value: roles
+            .map(|(name, rights)| RoleFile { name, rights })
+            .collect(),
+        location,
+    })
 }
 
 /// `[http]`
@@ -121,31 +131,58 @@ fn read_allow(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<IpNet>> {
     };
     if list.value.is_empty() {
         let problem = list.location.problem("an empty list allows no client");
-        reader.problems().push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
+        reader
+            .problems()
+            .push(problem.right("networks as \"10.0.0.0/24\", or no listener at all"));
         return OptionalKey::Invalid;
     }
-    let value = list.value.into_iter().map(|network| network.value).collect();
-    OptionalKey::Valid(Spanned { value, location: list.location })
+    let value = list
+        .value
+        .into_iter()
+        .map(|network| network.value)
+        .collect();
+    OptionalKey::Valid(Spanned {
+        value,
+        location: list.location,
+    })
 }
 
 /// Every number of this kind is a valid unit.
 pub(super) fn read_units(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<Spanned<UnitId>>> {
-    turned(reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)), |units| {
-        let unit = |it: Spanned<u8>| Some(Spanned { value: UnitId::new(it.value)?, location: it.location });
-        units.into_iter().map(unit).collect()
-    })
+    turned(
+        reader.list("units", &Kind::number(UnitId::MIN..=UnitId::MAX)),
+        |units| {
+            let unit = |it: Spanned<u8>| {
+                Some(Spanned {
+                    value: UnitId::new(it.value)?,
+                    location: it.location,
+                })
+            };
+            units.into_iter().map(unit).collect()
+        },
+    )
 }
 
 /// The list of networks `key`; one invalid network makes it unusable.
-fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<Vec<Spanned<IpNet>>> {
+fn read_networks(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+) -> OptionalKey<Vec<Spanned<IpNet>>> {
     let list = match reader.list(key, &Kind::text()) {
         OptionalKey::Absent => return OptionalKey::Absent,
         OptionalKey::Invalid => return OptionalKey::Invalid,
         OptionalKey::Valid(list) => list,
     };
-    let networks: Vec<_> = list.value.into_iter().map(|it| network(it, reader.problems())).collect();
+    let networks: Vec<_> = list
+        .value
+        .into_iter()
+        .map(|it| network(it, reader.problems()))
+        .collect();
     match networks.into_iter().collect() {
-        Some(value) => OptionalKey::Valid(Spanned { value, location: list.location }),
+        Some(value) => OptionalKey::Valid(Spanned {
+            value,
+            location: list.location,
+        }),
         None => OptionalKey::Invalid,
     }
 }
@@ -153,15 +190,35 @@ fn read_networks(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<
 /// A network in the notation address/bits. Host bits must be zero, because otherwise it may mean the network or
 /// the single host.
 fn network(written: Spanned<String>, problems: &mut Vec<Problem>) -> Option<Spanned<IpNet>> {
-    let Spanned { value: text, location } = written;
+    let Spanned {
+        value: text,
+        location,
+    } = written;
     let (what, right) = match (text.parse::<IpNet>(), text.parse::<IpAddr>()) {
-        (Ok(network), _) if network.trunc() == network => return Some(Spanned { value: network, location }),
+        (Ok(network), _) if network.trunc() == network => {
+            return Some(Spanned {
+                value: network,
+                location,
+            });
+        }
         (Ok(network), _) => {
             let host = IpNet::from(network.addr());
-            ("is a host inside a network", format!("\"{}\" for the network, \"{host}\" for the host", network.trunc()))
+            (
+                "is a host inside a network",
+                format!(
+                    "\"{}\" for the network, \"{host}\" for the host",
+                    network.trunc()
+                ),
+            )
         }
-        (_, Ok(host)) => ("has no length", format!("\"{}\" for this one host", IpNet::from(host))),
-        _ => ("is no network", "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned()),
+        (_, Ok(host)) => (
+            "has no length",
+            format!("\"{}\" for this one host", IpNet::from(host)),
+        ),
+        _ => (
+            "is no network",
+            "an address and its length: \"10.0.0.0/24\", \"fd00::/64\"".to_owned(),
+        ),
     };
     problems.push(location.problem(format!("`{text}` {what}")).right(right));
     None

@@ -80,8 +80,14 @@ fn as_networks(given: &OptionalKey<bool>) -> OptionalKey<Vec<Spanned<IpNet>>> {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
         OptionalKey::Valid(Spanned { value, location }) => {
-            let here = value.then(|| Spanned { value: HERE, location: location.clone() });
-            OptionalKey::Valid(Spanned { value: here.into_iter().collect(), location: location.clone() })
+            let here = value.then(|| Spanned {
+                value: HERE,
+                location: location.clone(),
+            });
+            OptionalKey::Valid(Spanned {
+                value: here.into_iter().collect(),
+                location: location.clone(),
+            })
         }
     }
 }

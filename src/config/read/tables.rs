@@ -12,7 +12,10 @@ pub(super) fn each<'a, T>(
     read: impl Fn(Reader<'a, '_>) -> T,
 ) -> Vec<T> {
     let sections = reader.tables(key);
-    sections.into_iter().map(|section| read(reader.open(section))).collect()
+    sections
+        .into_iter()
+        .map(|section| read(reader.open(section)))
+        .collect()
 }
 
 /// The table `key`, read by `read`.
@@ -24,9 +27,10 @@ pub(super) fn inner<'a, T>(
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
-        }
+        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+            value: read(reader.open(value)),
+            location,
+        }),
     }
 }
 
@@ -39,7 +43,9 @@ pub(super) fn refuse_not_served(reader: &mut Reader<'_, '_>, section: keys::Sect
 
 /// An absolute path.
 pub(super) fn absolute_path() -> Kind<'static, PathBuf> {
-    Kind::parsed("an absolute path", |text| Some(PathBuf::from(text)).filter(|path| path.is_absolute()))
+    Kind::parsed("an absolute path", |text| {
+        Some(PathBuf::from(text)).filter(|path| path.is_absolute())
+    })
 }
 
 /// The value converted by `turn`, which accepts every value of the kind.
@@ -47,8 +53,9 @@ pub(super) fn turned<T, U>(given: OptionalKey<T>, turn: impl Fn(T) -> Option<U>)
     match given {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            turn(value).map_or(OptionalKey::Invalid, |value| OptionalKey::Valid(Spanned { value, location }))
-        }
+        OptionalKey::Valid(Spanned { value, location }) => turn(value)
+            .map_or(OptionalKey::Invalid, |value| {
+                OptionalKey::Valid(Spanned { value, location })
+            }),
     }
 }

@@ -19,29 +19,69 @@ fn told(change: &Change) -> Vec<String> {
 fn what_differs_is_reported_and_nothing_else() {
     let table: &[(&str, &str, &[&str])] = &[
         ("hall-1\"", "hall-1\"", &[]),
-        ("[gateway]", "[gateway]\non_removal = \"stop\"", &["gateway: changed"]),
+        (
+            "[gateway]",
+            "[gateway]\non_removal = \"stop\"",
+            &["gateway: changed"],
+        ),
         ("[gateway]", "[gateway]\non_removal = \"refuse\"", &[]),
-        ("lost_after = \"30s\"", "lost_after = \"20s\"", &["line hall-1: changed", "drive pump-1: changed"]),
-        ("/dev/ttyUSB0\"", "/dev/ttyUSB1\"", &["line hall-1: changed"]),
-        ("/dev/ttyUSB0\"", "/dev/ttyUSB0\"\nbaud = 19200", &["line hall-1: changed"]),
+        (
+            "lost_after = \"30s\"",
+            "lost_after = \"20s\"",
+            &["line hall-1: changed", "drive pump-1: changed"],
+        ),
+        (
+            "/dev/ttyUSB0\"",
+            "/dev/ttyUSB1\"",
+            &["line hall-1: changed"],
+        ),
+        (
+            "/dev/ttyUSB0\"",
+            "/dev/ttyUSB0\"\nbaud = 19200",
+            &["line hall-1: changed"],
+        ),
         (
             "name = \"pump-2\"",
             "name = \"pump-3\"",
-            &["line hall-1: changed", "drive pump-3: added", "drive pump-2: removed"],
+            &[
+                "line hall-1: changed",
+                "drive pump-3: added",
+                "drive pump-2: removed",
+            ],
         ),
         (
             "name = \"hall-1\"",
             "name = \"hall-2\"",
-            &["line hall-2: added", "line hall-1: removed", "drive pump-1: changed", "drive pump-2: changed"],
+            &[
+                "line hall-2: added",
+                "line hall-1: removed",
+                "drive pump-1: changed",
+                "drive pump-2: changed",
+            ],
         ),
-        ("broker = \"mqtt://127.0.0.1\"", "broker = \"mqtt://127.0.0.2\"", &["mqtt: changed"]),
+        (
+            "broker = \"mqtt://127.0.0.1\"",
+            "broker = \"mqtt://127.0.0.2\"",
+            &["mqtt: changed"],
+        ),
         (
             "127.0.0.1:1502",
             "127.0.0.1:1503",
-            &["modbus_tcp 127.0.0.1:1503: added", "modbus_tcp 127.0.0.1:1502: removed"],
+            &[
+                "modbus_tcp 127.0.0.1:1503: added",
+                "modbus_tcp 127.0.0.1:1502: removed",
+            ],
         ),
-        ("write = [\"127.0.0.1/32\"]", "write = [\"127.0.0.0/8\"]", &["modbus_tcp 127.0.0.1:1502: changed"]),
-        ("[http]\nlisten = \"127.0.0.1:8080\"\n", "", &["http: removed"]),
+        (
+            "write = [\"127.0.0.1/32\"]",
+            "write = [\"127.0.0.0/8\"]",
+            &["modbus_tcp 127.0.0.1:1502: changed"],
+        ),
+        (
+            "[http]\nlisten = \"127.0.0.1:8080\"\n",
+            "",
+            &["http: removed"],
+        ),
         ("127.0.0.1:8080", "127.0.0.1:8081", &["http: changed"]),
     ];
     for (old, new, right) in table {
@@ -60,13 +100,26 @@ fn a_serial_master_is_told_by_its_name() {
     };
     let with = |master: &str| format!("{TWO_LINES}{master}");
     let panel = with(&master("panel", ""));
-    assert_eq!(told(&between(TWO_LINES, &panel)), ["modbus_rtu panel: added"]);
-    assert_eq!(told(&between(&panel, TWO_LINES)), ["modbus_rtu panel: removed"]);
+    assert_eq!(
+        told(&between(TWO_LINES, &panel)),
+        ["modbus_rtu panel: added"]
+    );
+    assert_eq!(
+        told(&between(&panel, TWO_LINES)),
+        ["modbus_rtu panel: removed"]
+    );
     for more in ["cached = true", "units = [101]", "answer_within = '200ms'"] {
-        assert_eq!(told(&between(&panel, &with(&master("panel", more)))), ["modbus_rtu panel: changed"], "{more}");
+        assert_eq!(
+            told(&between(&panel, &with(&master("panel", more)))),
+            ["modbus_rtu panel: changed"],
+            "{more}"
+        );
     }
     let renamed = told(&between(&panel, &with(&master("plc", ""))));
-    assert_eq!(renamed, ["modbus_rtu plc: added", "modbus_rtu panel: removed"]);
+    assert_eq!(
+        renamed,
+        ["modbus_rtu plc: added", "modbus_rtu panel: removed"]
+    );
     // Its line has another place in the file.
     let moved = told(&between(&panel, &format!("{THIRD}{panel}")));
     assert_eq!(moved, ["line hall-0: added", "drive pump-0: added"]);
@@ -75,25 +128,52 @@ fn a_serial_master_is_told_by_its_name() {
 #[test]
 fn a_line_goes_on_wherever_it_stands_in_the_file() {
     let both = between(TWO_LINES, &format!("{THIRD}{TWO_LINES}"));
-    assert_eq!((both.continues, both.ended), (vec![None, Some(0), Some(1)], vec![]));
+    assert_eq!(
+        (both.continues, both.ended),
+        (vec![None, Some(0), Some(1)], vec![])
+    );
     let back = between(&format!("{THIRD}{TWO_LINES}"), TWO_LINES);
-    assert_eq!((back.continues, back.ended), (vec![Some(1), Some(2)], vec![0]));
-    let changed = with(TWO_LINES, "name = \"pump-2\"", "poll = \"2s\"\nname = \"pump-2\"");
+    assert_eq!(
+        (back.continues, back.ended),
+        (vec![Some(1), Some(2)], vec![0])
+    );
+    let changed = with(
+        TWO_LINES,
+        "name = \"pump-2\"",
+        "poll = \"2s\"\nname = \"pump-2\"",
+    );
     let changed = between(TWO_LINES, &changed);
-    assert_eq!((&changed.continues, &changed.ended), (&vec![Some(0), None], &vec![1]));
-    assert_eq!(told(&changed), ["line hall-2: changed", "drive pump-2: changed"]);
+    assert_eq!(
+        (&changed.continues, &changed.ended),
+        (&vec![Some(0), None], &vec![1])
+    );
+    assert_eq!(
+        told(&changed),
+        ["line hall-2: changed", "drive pump-2: changed"]
+    );
     let old = good(TWO_LINES);
     assert_eq!(changed.leaving(&old).collect::<Vec<_>>(), [(1, "pump-2")]);
 }
 
 #[test]
 fn a_listener_keeps_its_socket_by_its_address_and_its_lines_by_their_names() {
-    let listed = with(TWO_LINES, "[[modbus_tcp]]", "[[modbus_tcp]]\nlines = [\"hall-1\", \"hall-2\"]");
+    let listed = with(
+        TWO_LINES,
+        "[[modbus_tcp]]",
+        "[[modbus_tcp]]\nlines = [\"hall-1\", \"hall-2\"]",
+    );
     let moved = between(&listed, &format!("{THIRD}{listed}"));
     assert_eq!(moved.listeners, [Some(0)]);
-    assert!(!told(&moved).iter().any(|it| it.starts_with("modbus_tcp")), "{:?}", moved.told);
+    assert!(
+        !told(&moved).iter().any(|it| it.starts_with("modbus_tcp")),
+        "{:?}",
+        moved.told
+    );
     let one_less = with(&listed, "\"hall-1\", \"hall-2\"", "\"hall-2\"");
-    assert_eq!(told(&between(&listed, &one_less)), ["modbus_tcp 127.0.0.1:1502: changed"]);
+    assert_eq!(
+        told(&between(&listed, &one_less)),
+        ["modbus_tcp 127.0.0.1:1502: changed"]
+    );
     let added = format!("[[modbus_tcp]]\nlisten = \"127.0.0.1:1600\"\n{TWO_LINES}");
     assert_eq!(between(TWO_LINES, &added).listeners, [None, Some(0)]);
 }
@@ -103,8 +183,14 @@ fn name_and_directory_take_a_restart() {
     let named = with(CONTROLLED, "plant-a", "plant-b");
     assert_eq!(between(CONTROLLED, &named).needs_restart, ["gateway.name"]);
     let placed = with(CONTROLLED, "/var/lib/vfd-gateway", "/var/lib/other");
-    assert_eq!(between(CONTROLLED, &placed).needs_restart, ["gateway.data_dir"]);
+    assert_eq!(
+        between(CONTROLLED, &placed).needs_restart,
+        ["gateway.data_dir"]
+    );
     let larger = with(CONTROLLED, "10MB", "20MB");
-    assert_eq!(between(CONTROLLED, &larger).needs_restart, ["journal.max_size"]);
+    assert_eq!(
+        between(CONTROLLED, &larger).needs_restart,
+        ["journal.max_size"]
+    );
     assert!(between(CONTROLLED, CONTROLLED).needs_restart.is_empty());
 }

@@ -86,35 +86,79 @@ fn a_line_follows_the_last_one_and_every_comment_stays() {
     let edited = with_line(PLANT, &line("hall-2", &[("fan-1", 1)])).unwrap();
     keeps(PLANT, &edited);
     let of = |what: &str| edited.text.find(what).unwrap();
-    assert!(of("pump-2") < of("hall-2") && of("hall-2") < of("# For the PLC."), "{}", edited.text);
+    assert!(
+        of("pump-2") < of("hall-2") && of("hall-2") < of("# For the PLC."),
+        "{}",
+        edited.text
+    );
     let loaded = config::load(&edited.text, &vendors::catalog()).unwrap();
-    let names: Vec<_> = loaded.lines.iter().map(|line| (line.name.to_string(), line.drives.len())).collect();
+    let names: Vec<_> = loaded
+        .lines
+        .iter()
+        .map(|line| (line.name.to_string(), line.drives.len()))
+        .collect();
     assert_eq!(names, [("hall-1".to_owned(), 2), ("hall-2".to_owned(), 1)]);
 }
 
 #[test]
 fn the_first_line_of_a_file_goes_to_its_end() {
-    for text in ["", "# nothing yet", "[http]\nlisten = \"127.0.0.1:8080\" # here", "[gateway]\r\nname = \"a\"\r\n"] {
+    for text in [
+        "",
+        "# nothing yet",
+        "[http]\nlisten = \"127.0.0.1:8080\" # here",
+        "[gateway]\r\nname = \"a\"\r\n",
+    ] {
         let edited = with_line(text, &line("hall-1", &[("fan-1", 1), ("fan-2", 2)])).unwrap();
         keeps(text, &edited);
-        assert_eq!(config::load(&edited.text, &vendors::catalog()).unwrap().lines[0].drives.len(), 2);
-        assert_eq!(edited.text.matches("\r\n").count() > 2, text.contains('\r'), "{:?}", edited.text);
+        assert_eq!(
+            config::load(&edited.text, &vendors::catalog())
+                .unwrap()
+                .lines[0]
+                .drives
+                .len(),
+            2
+        );
+        assert_eq!(
+            edited.text.matches("\r\n").count() > 2,
+            text.contains('\r'),
+            "{:?}",
+            edited.text
+        );
         assert!(!edited.text.replace("\r\n", "").contains('\r') || text.contains('\r'));
     }
 }
 
 #[test]
 fn control_goes_to_the_drive_that_it_is_for() {
-    for (name, before) in [("pump-1", "# The second one."), ("pump-2", "# For the PLC.")] {
+    for (name, before) in [
+        ("pump-1", "# The second one."),
+        ("pump-2", "# For the PLC."),
+    ] {
         let edited = with_control(PLANT, name, &control()).unwrap();
         keeps(PLANT, &edited);
-        assert!(edited.added.end <= edited.text.find(before).unwrap(), "{}", edited.text);
-        let text = edited.text.replace("from = [\"page\"]", "from = [\"modbus-tcp\"]");
-        let text =
-            text.replace("listen = \"127.0.0.1:1502\"", "listen = \"127.0.0.1:1502\"\nwrite = [\"127.0.0.1/32\"]");
+        assert!(
+            edited.added.end <= edited.text.find(before).unwrap(),
+            "{}",
+            edited.text
+        );
+        let text = edited
+            .text
+            .replace("from = [\"page\"]", "from = [\"modbus-tcp\"]");
+        let text = text.replace(
+            "listen = \"127.0.0.1:1502\"",
+            "listen = \"127.0.0.1:1502\"\nwrite = [\"127.0.0.1/32\"]",
+        );
         let loaded = config::load(&text, &vendors::catalog()).unwrap();
-        let controlled = loaded.lines[0].drives.iter().filter(|drive| drive.control.is_some());
-        assert_eq!(controlled.map(|drive| drive.name.to_string()).collect::<Vec<_>>(), [name]);
+        let controlled = loaded.lines[0]
+            .drives
+            .iter()
+            .filter(|drive| drive.control.is_some());
+        assert_eq!(
+            controlled
+                .map(|drive| drive.name.to_string())
+                .collect::<Vec<_>>(),
+            [name]
+        );
     }
 }
 
@@ -126,10 +170,22 @@ fn what_cannot_be_changed_safely_is_left_to_a_person() {
     let told = |done: Result<Edited, CannotEdit>| done.unwrap_err().to_string();
     for (what, why) in [
         (with_line(inline, &line("b", &[])), "writes `line` inline"),
-        (with_control(inline, "p", &control()), "writes `drive` inline"),
-        (with_control(drive_inline, "p", &control()), "writes `drive` inline"),
-        (with_control(PLANT, "pump-9", &control()), "no drive `pump-9`"),
-        (with_control(&has, "pump-1", &control()), "has a [line.drive.control] already"),
+        (
+            with_control(inline, "p", &control()),
+            "writes `drive` inline",
+        ),
+        (
+            with_control(drive_inline, "p", &control()),
+            "writes `drive` inline",
+        ),
+        (
+            with_control(PLANT, "pump-9", &control()),
+            "no drive `pump-9`",
+        ),
+        (
+            with_control(&has, "pump-1", &control()),
+            "has a [line.drive.control] already",
+        ),
         (with_line("[line", &line("b", &[])), "no valid TOML"),
         (with_line("line = 3", &line("b", &[])), "inline"),
     ] {

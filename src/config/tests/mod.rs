@@ -110,7 +110,11 @@ pub(super) fn drive_with(lines: &str) -> String {
 
 /// `MINIMAL` with `lines` added to the line.
 fn line_with(lines: &str) -> String {
-    with(MINIMAL, "port = \"/dev/ttyUSB0\"\n", &format!("port = \"/dev/ttyUSB0\"\n{lines}\n"))
+    with(
+        MINIMAL,
+        "port = \"/dev/ttyUSB0\"\n",
+        &format!("port = \"/dev/ttyUSB0\"\n{lines}\n"),
+    )
 }
 
 /// `MINIMAL` with `lines` added to the listener.
@@ -121,8 +125,14 @@ fn listener_with(lines: &str) -> String {
 /// The built-in models, one that differs in its link settings, and one that differs in what it can do.
 fn catalog() -> Catalog {
     let acme = [
-        ("acme-one.toml", include_str!("../../../tests/golden/config/acme-one.toml")),
-        ("acme-two.toml", include_str!("../../../tests/golden/config/acme-two.toml")),
+        (
+            "acme-one.toml",
+            include_str!("../../../tests/golden/config/acme-one.toml"),
+        ),
+        (
+            "acme-two.toml",
+            include_str!("../../../tests/golden/config/acme-two.toml"),
+        ),
     ];
     vendors::catalog().with_texts(acme).unwrap()
 }
@@ -138,15 +148,28 @@ fn shown(text: &str, problems: &[Problem]) -> String {
         let (line, column) = problem.place_in(text);
         let right = problem.right.as_deref().unwrap_or("-");
         let warning = if problem.is_warning { "warning: " } else { "" };
-        writeln!(shown, "{line}:{column} {warning}{}: {}; {right}", problem.key, problem.what).unwrap();
+        writeln!(
+            shown,
+            "{line}:{column} {warning}{}: {}; {right}",
+            problem.key, problem.what
+        )
+        .unwrap();
     }
     shown
 }
 
 /// The problems of `text`, without their places.
 pub(super) fn problems(text: &str) -> Vec<String> {
-    let problems = load(text, &catalog()).map_or_else(|problems| problems, |config| config.warnings);
-    let told = |it: &Problem| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"));
+    let problems =
+        load(text, &catalog()).map_or_else(|problems| problems, |config| config.warnings);
+    let told = |it: &Problem| {
+        format!(
+            "{}: {}; {}",
+            it.key,
+            it.what,
+            it.right.as_deref().unwrap_or("-")
+        )
+    };
     problems.iter().map(told).collect()
 }
 
@@ -167,7 +190,10 @@ fn settings_are_distinguished_by_what_they_say_and_not_by_how() {
     );
     assert_ne!(other_order, MINIMAL);
     assert_eq!(digest(&other_order), first);
-    assert_ne!(digest(&MINIMAL.replace("station = 1", "station = 2")), first);
+    assert_ne!(
+        digest(&MINIMAL.replace("station = 1", "station = 2")),
+        first
+    );
 }
 
 #[test]
@@ -175,17 +201,43 @@ fn a_minimal_file_gets_its_defaults() {
     let config = good(MINIMAL);
     assert_eq!(config.gateway.name, None);
     let line = &config.lines[0];
-    assert_eq!((line.name.as_str(), &line.port), ("hall-1", &PortAddress::Device("/dev/ttyUSB0".into())));
-    assert_eq!(line.link, LinkSettings { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: 1 });
-    assert_eq!((line.framing, line.interface, line.silence), (Framing::Rtu, Interface::Rs485, Silence::Auto));
-    assert_eq!((line.min_request_gap, line.reply_timeout), (Duration::ZERO, None));
+    assert_eq!(
+        (line.name.as_str(), &line.port),
+        ("hall-1", &PortAddress::Device("/dev/ttyUSB0".into()))
+    );
+    assert_eq!(
+        line.link,
+        LinkSettings {
+            baud: 9600,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: 1
+        }
+    );
+    assert_eq!(
+        (line.framing, line.interface, line.silence),
+        (Framing::Rtu, Interface::Rs485, Silence::Auto)
+    );
+    assert_eq!(
+        (line.min_request_gap, line.reply_timeout),
+        (Duration::ZERO, None)
+    );
     let drive = &line.drives[0];
-    assert_eq!((drive.name.as_str(), drive.model.id.as_str()), ("pump-1", "hyundai-n700"));
+    assert_eq!(
+        (drive.name.as_str(), drive.model.id.as_str()),
+        ("pump-1", "hyundai-n700")
+    );
     assert_eq!((drive.station.0, drive.unit.get()), (1, 1));
-    assert_eq!((drive.poll, drive.reply_timeout), (Duration::from_millis(500), None));
+    assert_eq!(
+        (drive.poll, drive.reply_timeout),
+        (Duration::from_millis(500), None)
+    );
     assert_eq!(drive.max_lateness, drive.model.timing.max_lateness.value);
     let listener = &config.listeners[0];
-    assert_eq!((listener.listen.port(), &listener.allow, &listener.lines), (1502, &None, &None));
+    assert_eq!(
+        (listener.listen.port(), &listener.allow, &listener.lines),
+        (1502, &None, &None)
+    );
     assert!(listener.serves(0));
 }
 
@@ -193,18 +245,35 @@ fn a_minimal_file_gets_its_defaults() {
 fn the_example_file_resolves() {
     let config = good(&example());
     assert_eq!(config.gateway.name.unwrap().as_str(), "plant-a");
-    let [pump_1, pump_2] = config.lines[0].drives.as_slice() else { panic!("two drives") };
+    let [pump_1, pump_2] = config.lines[0].drives.as_slice() else {
+        panic!("two drives")
+    };
     assert_eq!(pump_1.reply_timeout, Some(Duration::from_millis(300)));
     let added = pump_1.model.register_named("my_value").unwrap();
-    assert_eq!((added.address.number(), added.code.as_deref(), added.scale), (0x0333, Some("X123"), 10));
+    assert_eq!(
+        (added.address.number(), added.code.as_deref(), added.scale),
+        (0x0333, Some("X123"), 10)
+    );
     assert_eq!(pump_2.model.register_named("my_value"), None);
     assert_eq!((pump_2.unit.get(), pump_2.reply_timeout), (2, None));
     assert_eq!(config.listeners[0].lines, Some(vec![0]));
-    assert_eq!((pump_1.uniform_unit.get(), pump_2.uniform_unit.get()), (101, 102));
-    assert_eq!(pump_1.points.dead_bands, [("output_frequency".to_owned(), 0.05)]);
-    assert_eq!(pump_1.control.as_ref().unwrap().native_write, [0x020C, 0x020E]);
+    assert_eq!(
+        (pump_1.uniform_unit.get(), pump_2.uniform_unit.get()),
+        (101, 102)
+    );
+    assert_eq!(
+        pump_1.points.dead_bands,
+        [("output_frequency".to_owned(), 0.05)]
+    );
+    assert_eq!(
+        pump_1.control.as_ref().unwrap().native_write,
+        [0x020C, 0x020E]
+    );
     assert_eq!(pump_2.control, None);
-    assert_eq!(config.mqtt.unwrap().broker.to_string(), "mqtts://broker.example:8883");
+    assert_eq!(
+        config.mqtt.unwrap().broker.to_string(),
+        "mqtts://broker.example:8883"
+    );
     assert_eq!(config.http.unwrap().listen.port(), 8080);
 }
 
@@ -214,28 +283,34 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
     let mut defaults = String::new();
     for line in text.lines() {
         let key = line.trim_start().split(" = ").next().unwrap_or_default();
-        let is_default = ["restart_delay", "stop_effect_timeout", "stop_pending_for", "commands", "reverse_below_hz"]
-            .into_iter()
-            .chain([
-                "accept_unverified",
-                "qualify",
-                "allow_plain_password",
-                "version",
-                "prefix",
-                "heartbeat",
-                "keep_alive",
-            ])
-            .chain([
-                "lease",
-                "alive_topic",
-                "probe_interval",
-                "command_ttl",
-                "uniform_unit",
-                "client_id",
-                "subscription_qos",
-                "reads_renew",
-                "cached",
-            ]);
+        let is_default = [
+            "restart_delay",
+            "stop_effect_timeout",
+            "stop_pending_for",
+            "commands",
+            "reverse_below_hz",
+        ]
+        .into_iter()
+        .chain([
+            "accept_unverified",
+            "qualify",
+            "allow_plain_password",
+            "version",
+            "prefix",
+            "heartbeat",
+            "keep_alive",
+        ])
+        .chain([
+            "lease",
+            "alive_topic",
+            "probe_interval",
+            "command_ttl",
+            "uniform_unit",
+            "client_id",
+            "subscription_qos",
+            "reads_renew",
+            "cached",
+        ]);
         if !is_default.into_iter().any(|it| it == key) {
             defaults += line;
             defaults += "\n";
@@ -244,9 +319,15 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
     let mut written = good(&text);
     let left_out = good(&defaults);
     let mqtt = written.mqtt.as_mut().unwrap();
-    assert_eq!(mqtt.client_id.take().as_deref(), Some("vfd-gateway-plant-a"));
+    assert_eq!(
+        mqtt.client_id.take().as_deref(),
+        Some("vfd-gateway-plant-a")
+    );
     let sparkplug = mqtt.sparkplug.as_mut().unwrap();
-    assert_eq!(sparkplug.client_id.take().as_deref(), Some("vfd-gateway-plant-a-sparkplug"));
+    assert_eq!(
+        sparkplug.client_id.take().as_deref(),
+        Some("vfd-gateway-plant-a-sparkplug")
+    );
     // What says the same in more words is another file.
     written.digest = left_out.digest;
     assert_eq!(written, left_out);
@@ -255,26 +336,52 @@ fn what_the_example_writes_is_the_default_where_it_says_so() {
 #[test]
 fn a_drive_takes_the_reply_timeout_of_its_line_unless_it_says_otherwise() {
     let of_line = line_with("reply_timeout = \"300ms\"");
-    assert_eq!(good(&of_line).lines[0].drives[0].reply_timeout, Some(Duration::from_millis(300)));
-    let own = with(&of_line, "station = 1", "station = 1\nreply_timeout = \"200ms\"");
-    assert_eq!(good(&own).lines[0].drives[0].reply_timeout, Some(Duration::from_millis(200)));
-    let auto = with(&of_line, "station = 1", "station = 1\nreply_timeout = \"auto\"");
+    assert_eq!(
+        good(&of_line).lines[0].drives[0].reply_timeout,
+        Some(Duration::from_millis(300))
+    );
+    let own = with(
+        &of_line,
+        "station = 1",
+        "station = 1\nreply_timeout = \"200ms\"",
+    );
+    assert_eq!(
+        good(&own).lines[0].drives[0].reply_timeout,
+        Some(Duration::from_millis(200))
+    );
+    let auto = with(
+        &of_line,
+        "station = 1",
+        "station = 1\nreply_timeout = \"auto\"",
+    );
     assert_eq!(good(&auto).lines[0].drives[0].reply_timeout, None);
 }
 
 #[test]
 fn many_mistakes_are_reported_at_once() {
     for (text, name) in [
-        (include_str!("../../../tests/golden/config/ten_mistakes.toml"), "ten_mistakes"),
-        (include_str!("../../../tests/golden/config/serial_mistakes.toml"), "serial_mistakes"),
+        (
+            include_str!("../../../tests/golden/config/ten_mistakes.toml"),
+            "ten_mistakes",
+        ),
+        (
+            include_str!("../../../tests/golden/config/serial_mistakes.toml"),
+            "serial_mistakes",
+        ),
     ] {
         let found = shown(text, &load(text, &catalog()).unwrap_err());
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/config/{name}.txt"));
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/config/{name}.txt"));
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();
         }
         let expected = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(found, expected, "if this is meant: UPDATE_GOLDEN=1 writes {}", path.display());
+        assert_eq!(
+            found,
+            expected,
+            "if this is meant: UPDATE_GOLDEN=1 writes {}",
+            path.display()
+        );
     }
 }
 
@@ -288,7 +395,10 @@ fn text_that_is_no_toml_is_reported_with_its_place() {
 
 #[test]
 fn a_file_needs_a_line_and_a_line_needs_a_drive() {
-    only("", "line: there is no line; `[[line]]` with `name`, `port` and at least one `[[line.drive]]`");
+    only(
+        "",
+        "line: there is no line; `[[line]]` with `name`, `port` and at least one `[[line.drive]]`",
+    );
     only(
         "[[line]]\nname = 'a'\nport = '/dev/ttyUSB0'",
         "line[0].drive: the line has no drive; `[[line.drive]]` with `name`, `model` and `station`",
@@ -303,7 +413,12 @@ fn a_model_must_be_known() {
     );
     let found = problems(&with(MINIMAL, "hyundai-n700", "generic"));
     assert_eq!(found.len(), 1, "{found:?}");
-    for said in ["there is no model `generic`", "`vfd-gateway models list`", "any Modbus device", "`model_dirs`"] {
+    for said in [
+        "there is no model `generic`",
+        "`vfd-gateway models list`",
+        "any Modbus device",
+        "`model_dirs`",
+    ] {
         assert!(found[0].contains(said), "no {said}: {}", found[0]);
     }
 }
@@ -311,7 +426,10 @@ fn a_model_must_be_known() {
 #[test]
 fn a_station_is_in_the_models_range_and_stands_once_on_its_line() {
     let text = with(MINIMAL, "station = 1", "station = 33\nunit = 1");
-    only(&text, "line[0].drive[0].station: station 33 cannot be set on hyundai-n700; 1 to 32");
+    only(
+        &text,
+        "line[0].drive[0].station: station 33 cannot be set on hyundai-n700; 1 to 32",
+    );
     let text = drive_with("[[line.drive]]\nname = 'pump-2'\nmodel = 'hyundai-n700'\nstation = 1");
     only(
         &text,
@@ -321,7 +439,12 @@ fn a_station_is_in_the_models_range_and_stands_once_on_its_line() {
     good(TWO_LINES);
     for beyond in [0, 250] {
         let text = with(MINIMAL, "station = 1", &format!("station = {beyond}"));
-        only(&text, &format!("line[0].drive[0].station: station {beyond} cannot be set on hyundai-n700; 1 to 32"));
+        only(
+            &text,
+            &format!(
+                "line[0].drive[0].station: station {beyond} cannot be set on hyundai-n700; 1 to 32"
+            ),
+        );
     }
 }
 
@@ -332,10 +455,22 @@ fn link_settings_are_possible_with_every_model() {
         &line_with("baud = 115200"),
         &format!("line[0].baud: baud 115200 {at}; one of 2400, 4800, 9600, 19200, 38400"),
     );
-    only(&line_with("framing = 'ascii'"), &format!("line[0].framing: framing \"ascii\" {at}; only \"rtu\""));
-    only(&line_with("data_bits = 7"), "line[0].data_bits: RTU frames need 8 data bits; 8, or leave it out");
-    only(&line_with("stop_bits = 3"), "line[0].stop_bits: 3 is out of range; a whole number from 1 to 2");
-    only(&line_with("parity = 'evne'"), "line[0].parity: `evne` is not an allowed value; \"even\"");
+    only(
+        &line_with("framing = 'ascii'"),
+        &format!("line[0].framing: framing \"ascii\" {at}; only \"rtu\""),
+    );
+    only(
+        &line_with("data_bits = 7"),
+        "line[0].data_bits: RTU frames need 8 data bits; 8, or leave it out",
+    );
+    only(
+        &line_with("stop_bits = 3"),
+        "line[0].stop_bits: 3 is out of range; a whole number from 1 to 2",
+    );
+    only(
+        &line_with("parity = 'evne'"),
+        "line[0].parity: `evne` is not an allowed value; \"even\"",
+    );
 }
 
 #[test]
@@ -346,8 +481,15 @@ fn what_every_model_lacks_is_said_of_each() {
         "station = 1\n",
         &format!("station = 1\n{other}\n"),
     );
-    only(&text, "line[0].parity: parity \"odd\" is not possible with acme-one (drive `mixer`); only \"even\"");
-    let text = with(&text, "parity = 'odd'", "interface = 'rs232'\nparity = 'even'");
+    only(
+        &text,
+        "line[0].parity: parity \"odd\" is not possible with acme-one (drive `mixer`); only \"even\"",
+    );
+    let text = with(
+        &text,
+        "parity = 'odd'",
+        "interface = 'rs232'\nparity = 'even'",
+    );
     let found = problems(&text);
     assert_eq!(
         found,
@@ -375,7 +517,11 @@ fn link_settings_that_the_models_do_not_share_must_be_given() {
             ),
         ]
     );
-    good(&with(&text, "port = \"/dev/ttyUSB0\"", "port = \"/dev/ttyUSB0\"\nbaud = 9600\nparity = \"even\""));
+    good(&with(
+        &text,
+        "port = \"/dev/ttyUSB0\"",
+        "port = \"/dev/ttyUSB0\"\nbaud = 9600\nparity = \"even\"",
+    ));
 }
 
 #[test]
@@ -412,7 +558,9 @@ fn a_unit_belongs_to_one_drive_of_a_listener() {
 
 #[test]
 fn a_unit_taken_by_a_station_on_the_same_line_is_reported() {
-    let text = drive_with("[[line.drive]]\nname = 'pump-2'\nmodel = 'hyundai-n700'\nstation = 2\nunit = 1");
+    let text = drive_with(
+        "[[line.drive]]\nname = 'pump-2'\nmodel = 'hyundai-n700'\nstation = 2\nunit = 1",
+    );
     only(
         &text,
         "line[0].drive[1].unit: drive `pump-1` and drive `pump-2` would both answer at unit 1; \
@@ -422,7 +570,9 @@ fn a_unit_taken_by_a_station_on_the_same_line_is_reported() {
 
 #[test]
 fn units_are_required_where_lines_share_a_listener() {
-    let text = TWO_LINES.replace("unit = 1\n", "").replace("unit = 2\n", "");
+    let text = TWO_LINES
+        .replace("unit = 1\n", "")
+        .replace("unit = 2\n", "");
     let shared = "`unit` is left out, and the listener 127.0.0.1:1502 serves more than one line";
     assert_eq!(
         problems(&text),
@@ -432,14 +582,24 @@ fn units_are_required_where_lines_share_a_listener() {
         ]
     );
     let found = problems(&with(&text, "station = 1", "station = \"1\""));
-    assert_eq!(found.len(), 3, "a wrong station does not hide the missing unit: {found:?}");
+    assert_eq!(
+        found.len(),
+        3,
+        "a wrong station does not hide the missing unit: {found:?}"
+    );
 }
 
 #[test]
 fn a_listener_without_a_free_unit_is_reported_so() {
-    let mut text = TWO_LINES.replace("unit = 2\n", "").replace("unit = 1\n", "unit = 1\nuniform_unit = 2\n");
+    let mut text = TWO_LINES
+        .replace("unit = 2\n", "")
+        .replace("unit = 1\n", "unit = 1\nuniform_unit = 2\n");
     for station in 2..=123 {
-        let model = if station <= 32 { "hyundai-n700" } else { "acme-one" };
+        let model = if station <= 32 {
+            "hyundai-n700"
+        } else {
+            "acme-one"
+        };
         let units = format!("unit = {}\nuniform_unit = {}", 2 * station - 1, 2 * station);
         let drive = format!("name = 'd{station}'\nmodel = '{model}'\nstation = {station}\n{units}");
         text = with(
@@ -466,9 +626,17 @@ fn a_drive_adds_registers_to_its_own_model_only() {
         )
     };
     let config = good(&drive_with(&register("0x0F00")));
-    assert!(config.lines[0].drives[0].model.register_at(0x0F00).is_some());
+    assert!(
+        config.lines[0].drives[0]
+            .model
+            .register_at(0x0F00)
+            .is_some()
+    );
     let found = problems(&drive_with(&register("0x0002")));
-    assert!(found[0].starts_with("line[0].drive[0].register[0].address: address 0x0002 is taken by"), "{found:?}");
+    assert!(
+        found[0].starts_with("line[0].drive[0].register[0].address: address 0x0002 is taken by"),
+        "{found:?}"
+    );
     let found = problems(&drive_with("[[line.drive.register]]\nname = 'Bus'"));
     let keys: Vec<_> = found.iter().filter_map(|it| it.split(':').next()).collect();
     assert_eq!(keys.len(), 5, "{found:?}");
@@ -490,11 +658,23 @@ fn a_listener_that_others_can_reach_says_who_may_connect() {
 fn networks_are_exact() {
     let at = "modbus_tcp[0].allow[0]";
     for (network, problem) in [
-        ("10.0.0.0/33", "is no network; an address and its length: \"10.0.0.0/24\", \"fd00::/64\""),
-        ("10.0.0.5", "has no length; \"10.0.0.5/32\" for this one host"),
-        ("10.0.0.5/24", "is a host inside a network; \"10.0.0.0/24\" for the network, \"10.0.0.5/32\" for the host"),
+        (
+            "10.0.0.0/33",
+            "is no network; an address and its length: \"10.0.0.0/24\", \"fd00::/64\"",
+        ),
+        (
+            "10.0.0.5",
+            "has no length; \"10.0.0.5/32\" for this one host",
+        ),
+        (
+            "10.0.0.5/24",
+            "is a host inside a network; \"10.0.0.0/24\" for the network, \"10.0.0.5/32\" for the host",
+        ),
     ] {
-        only(&listener_with(&format!("allow = ['{network}']")), &format!("{at}: `{network}` {problem}"));
+        only(
+            &listener_with(&format!("allow = ['{network}']")),
+            &format!("{at}: `{network}` {problem}"),
+        );
     }
     let empty = "modbus_tcp[0].allow: an empty list allows no client; \
                  networks as \"10.0.0.0/24\", or no listener at all";
@@ -504,7 +684,9 @@ fn networks_are_exact() {
 #[test]
 fn listeners_keep_out_of_each_others_way() {
     let second = |listen: &str| {
-        listener_with(&format!("allow = ['10.0.0.0/8']\n[[modbus_tcp]]\nlisten = '{listen}'\nallow = ['10.0.0.0/8']"))
+        listener_with(&format!(
+            "allow = ['10.0.0.0/8']\n[[modbus_tcp]]\nlisten = '{listen}'\nallow = ['10.0.0.0/8']"
+        ))
     };
     for taken in ["127.0.0.1:1502", "0.0.0.0:1502", "[::]:1502"] {
         only(
@@ -524,7 +706,10 @@ fn listeners_keep_out_of_each_others_way() {
 
 #[test]
 fn a_listener_serves_lines_that_exist() {
-    only(&listener_with("lines = ['hall-2']"), "modbus_tcp[0].lines[0]: there is no line `hall-2`; \"hall-1\"");
+    only(
+        &listener_with("lines = ['hall-2']"),
+        "modbus_tcp[0].lines[0]: there is no line `hall-2`; \"hall-1\"",
+    );
     only(
         &listener_with("lines = ['x']"),
         "modbus_tcp[0].lines[0]: there is no line `x`; names of lines of this file: hall-1",
@@ -542,12 +727,36 @@ fn a_listener_serves_lines_that_exist() {
 #[test]
 fn times_stay_in_their_range() {
     for (text, key, right) in [
-        (drive_with("poll = '9ms'"), "drive[0].poll: 9ms", "a time from \"10ms\" to \"1h\""),
-        (drive_with("poll = '2h'"), "drive[0].poll: 2h", "a time from \"10ms\" to \"1h\""),
-        (drive_with("max_lateness = '61s'"), "drive[0].max_lateness: 61s", "a time from \"10ms\" to \"1min\""),
-        (line_with("reply_timeout = '0ms'"), "reply_timeout: 0ms", "\"auto\" or a time from \"1ms\" to \"1min\""),
-        (line_with("silence = '2s'"), "silence: 2s", "\"auto\" or a time from \"0ms\" to \"1s\""),
-        (line_with("min_request_gap = '11s'"), "min_request_gap: 11s", "a time from \"0ms\" to \"10s\""),
+        (
+            drive_with("poll = '9ms'"),
+            "drive[0].poll: 9ms",
+            "a time from \"10ms\" to \"1h\"",
+        ),
+        (
+            drive_with("poll = '2h'"),
+            "drive[0].poll: 2h",
+            "a time from \"10ms\" to \"1h\"",
+        ),
+        (
+            drive_with("max_lateness = '61s'"),
+            "drive[0].max_lateness: 61s",
+            "a time from \"10ms\" to \"1min\"",
+        ),
+        (
+            line_with("reply_timeout = '0ms'"),
+            "reply_timeout: 0ms",
+            "\"auto\" or a time from \"1ms\" to \"1min\"",
+        ),
+        (
+            line_with("silence = '2s'"),
+            "silence: 2s",
+            "\"auto\" or a time from \"0ms\" to \"1s\"",
+        ),
+        (
+            line_with("min_request_gap = '11s'"),
+            "min_request_gap: 11s",
+            "a time from \"0ms\" to \"10s\"",
+        ),
     ] {
         only(&text, &format!("line[0].{key} is out of range; {right}"));
     }
@@ -557,11 +766,15 @@ fn times_stay_in_their_range() {
 
 #[test]
 fn an_unknown_key_is_refused_with_the_nearest() {
-    only(&line_with("buad = 9600"), "line[0].buad: unknown key `buad`; `baud`");
+    only(
+        &line_with("buad = 9600"),
+        "line[0].buad: unknown key `buad`; `baud`",
+    );
 }
 
 pub(super) fn example() -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml")).unwrap()
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/vfd-gateway.toml"))
+        .unwrap()
 }
 
 proptest! {

@@ -20,24 +20,60 @@ fn a_broker_is_all_that_must_be_named() {
     let found = mqtt(&over("mqtt://broker", ""));
     assert_eq!(
         found.broker,
-        BrokerSettings::Tcp { host: "broker".to_owned(), port: 1883, also_at: Vec::new(), tls: None }
+        BrokerSettings::Tcp {
+            host: "broker".to_owned(),
+            port: 1883,
+            also_at: Vec::new(),
+            tls: None
+        }
     );
-    assert_eq!((found.credentials.clone(), found.client_id.clone(), found.version), (None, None, Version::V5));
-    assert_eq!((found.prefix.as_str(), found.lease), ("vfd", LeaseMode::Session));
-    assert_eq!(found.session(Name::new("x").unwrap(), None).subscription_qos, Qos::AtLeastOnce);
-    assert_eq!((found.heartbeat, found.keep_alive), (Duration::from_secs(60), Duration::from_secs(15)));
-    assert_eq!((found.probe_interval, found.command_ttl), (Duration::from_secs(1), Duration::from_secs(1)));
+    assert_eq!(
+        (
+            found.credentials.clone(),
+            found.client_id.clone(),
+            found.version
+        ),
+        (None, None, Version::V5)
+    );
+    assert_eq!(
+        (found.prefix.as_str(), found.lease),
+        ("vfd", LeaseMode::Session)
+    );
+    assert_eq!(
+        found
+            .session(Name::new("x").unwrap(), None)
+            .subscription_qos,
+        Qos::AtLeastOnce
+    );
+    assert_eq!(
+        (found.heartbeat, found.keep_alive),
+        (Duration::from_secs(60), Duration::from_secs(15))
+    );
+    assert_eq!(
+        (found.probe_interval, found.command_ttl),
+        (Duration::from_secs(1), Duration::from_secs(1))
+    );
     assert_eq!(found.home_assistant, None);
     assert_eq!(
-        (found.alive_topic.as_deref(), &found.response_prefix, found.keep_telemetry),
+        (
+            found.alive_topic.as_deref(),
+            &found.response_prefix,
+            found.keep_telemetry
+        ),
         (Some("homeassistant/status"), &None, 0)
     );
     let name = Name::new("plant-a").unwrap();
     assert_eq!(found.client_id(&name, None), "vfd-gateway-plant-a");
     let session = found.session(name.clone(), None);
-    assert_eq!((session.gateway, session.probe_timeout), (name, Duration::from_secs(3)));
+    assert_eq!(
+        (session.gateway, session.probe_timeout),
+        (name, Duration::from_secs(3))
+    );
     assert_eq!(good(MINIMAL).mqtt, None);
-    only(&format!("{MINIMAL}[mqtt]"), "mqtt.broker: `broker` is missing; text, not empty");
+    only(
+        &format!("{MINIMAL}[mqtt]"),
+        "mqtt.broker: `broker` is missing; text, not empty",
+    );
 }
 
 #[test]
@@ -52,40 +88,97 @@ fn everything_that_is_written_is_taken() {
     ));
     let cert_file = PathBuf::from("/etc/gw.pem");
     let key_file = PathBuf::from("/etc/gw.key");
-    let client = Some(ClientCertificate { cert_file, key_file });
-    let tls = Some(TlsSettings { ca_file: Some(PathBuf::from("/etc/ca.pem")), client });
+    let client = Some(ClientCertificate {
+        cert_file,
+        key_file,
+    });
+    let tls = Some(TlsSettings {
+        ca_file: Some(PathBuf::from("/etc/ca.pem")),
+        client,
+    });
     let also_at = vec![("node-2".to_owned(), 8883), ("10.0.0.3".to_owned(), 8884)];
-    assert_eq!(found.broker, BrokerSettings::Tcp { host: "fd00::7".to_owned(), port: 8883, also_at, tls });
-    assert_eq!(found.session(Name::new("x").unwrap(), None).subscription_qos, Qos::AtMostOnce);
+    assert_eq!(
+        found.broker,
+        BrokerSettings::Tcp {
+            host: "fd00::7".to_owned(),
+            port: 8883,
+            also_at,
+            tls
+        }
+    );
+    assert_eq!(
+        found
+            .session(Name::new("x").unwrap(), None)
+            .subscription_qos,
+        Qos::AtMostOnce
+    );
     assert_eq!(found.broker.to_string(), "mqtts://[fd00::7]:8883");
     let password = Some(PasswordSource::File(PathBuf::from("/run/secrets/mqtt")));
-    assert_eq!(found.credentials, Some(Credentials { user: "vfd".to_owned(), password }));
-    assert_eq!((found.client_id(&Name::new("x").unwrap(), None).as_str(), found.alive_topic), ("gw", None));
+    assert_eq!(
+        found.credentials,
+        Some(Credentials {
+            user: "vfd".to_owned(),
+            password
+        })
+    );
+    assert_eq!(
+        (
+            found.client_id(&Name::new("x").unwrap(), None).as_str(),
+            found.alive_topic
+        ),
+        ("gw", None)
+    );
     let explicit = mqtt(&over("embedded", "version = 4\nlease = 'explicit'"));
-    assert_eq!((explicit.broker, explicit.version), (BrokerSettings::Embedded, Version::V4));
-    assert_eq!((explicit.lease, explicit.alive_topic), (LeaseMode::Explicit, None));
-    let from_env = mqtt(&over("mqtt://localhost", "user = 'vfd'\npassword_env = 'MQTT_PASSWORD'"));
-    assert_eq!(from_env.credentials.unwrap().password, Some(PasswordSource::Env("MQTT_PASSWORD".to_owned())));
+    assert_eq!(
+        (explicit.broker, explicit.version),
+        (BrokerSettings::Embedded, Version::V4)
+    );
+    assert_eq!(
+        (explicit.lease, explicit.alive_topic),
+        (LeaseMode::Explicit, None)
+    );
+    let from_env = mqtt(&over(
+        "mqtt://localhost",
+        "user = 'vfd'\npassword_env = 'MQTT_PASSWORD'",
+    ));
+    assert_eq!(
+        from_env.credentials.unwrap().password,
+        Some(PasswordSource::Env("MQTT_PASSWORD".to_owned()))
+    );
 }
 
 #[test]
 fn the_nodes_of_a_cluster_are_different_ones_and_reached_alike() {
     let twice = "the node is listed twice; leave it out";
     let embedded = "the embedded broker has only one node; leave it out";
-    let mixed = "the nodes of a broker are either all at mqtts:// or all at mqtt://; as in `broker`";
+    let mixed =
+        "the nodes of a broker are either all at mqtts:// or all at mqtt://; as in `broker`";
     for (broker, node, problem) in [
         ("mqtts://a", "'mqtts://a:8883'", twice),
         ("mqtts://a", "'mqtt://b'", mixed),
         ("mqtt://a", "'mqtts://b'", mixed),
         ("mqtt://a", "'embedded'", embedded),
-        ("embedded", "'mqtt://a'", "has no effect: the embedded broker has only one node; leave it out"),
+        (
+            "embedded",
+            "'mqtt://a'",
+            "has no effect: the embedded broker has only one node; leave it out",
+        ),
     ] {
-        only(&over(broker, &format!("also_at = [{node}]")), &format!("mqtt.also_at[0]: {problem}"));
+        only(
+            &over(broker, &format!("also_at = [{node}]")),
+            &format!("mqtt.also_at[0]: {problem}"),
+        );
     }
-    only(&over("mqtt://a", "also_at = ['mqtt://b', 'mqtt://b']"), &format!("mqtt.also_at[1]: {twice}"));
+    only(
+        &over("mqtt://a", "also_at = ['mqtt://b', 'mqtt://b']"),
+        &format!("mqtt.also_at[1]: {twice}"),
+    );
     let in_plain = "a user or a password must not be in the address; \
                     `user`, and `password_file` or `password_env`, beside it";
-    only(&over("mqtt://a", "also_at = ['mqtt://vfd:secret@b']"), &format!("mqtt.also_at[0]: {in_plain}"));
+    only(
+        &over("mqtt://a", "also_at = ['mqtt://vfd:secret@b']"),
+        &format!("mqtt.also_at[0]: {in_plain}"),
+    );
 }
 
 #[test]
@@ -101,12 +194,27 @@ fn a_password_is_as_secret_at_every_node() {
 fn a_broker_has_a_scheme_a_host_and_a_port() {
     let right = "\"mqtts://broker.example:8883\", \"mqtt://127.0.0.1:1883\", or \"embedded\" for trying out";
     for (broker, problem) in [
-        ("broker:1883", format!("`broker:1883` is not the address of a broker; {right}")),
-        ("embeded", "`embeded` is not the address of a broker; \"embedded\"".to_owned()),
-        ("tcp://broker", format!("a broker over `tcp://` is not served; {right}")),
-        ("mqtt://broker:0", format!("`mqtt://broker:0` has no usable port; {right}")),
+        (
+            "broker:1883",
+            format!("`broker:1883` is not the address of a broker; {right}"),
+        ),
+        (
+            "embeded",
+            "`embeded` is not the address of a broker; \"embedded\"".to_owned(),
+        ),
+        (
+            "tcp://broker",
+            format!("a broker over `tcp://` is not served; {right}"),
+        ),
+        (
+            "mqtt://broker:0",
+            format!("`mqtt://broker:0` has no usable port; {right}"),
+        ),
         ("mqtt://", format!("`mqtt://` has no usable host; {right}")),
-        ("mqtt://broker/vfd", format!("`mqtt://broker/vfd` has more than a host and a port; {right}")),
+        (
+            "mqtt://broker/vfd",
+            format!("`mqtt://broker/vfd` has more than a host and a port; {right}"),
+        ),
         (
             "mqtt://vfd:secret@broker",
             "a user or a password must not be in the address; \
@@ -123,11 +231,16 @@ fn a_password_never_stands_in_the_file() {
     let found = problems(&over("mqtts://broker", "user = 'vfd'\npassword = 'secret'"));
     assert_eq!(
         found,
-        ["mqtt.password: a password must not be in this file, which others may read and copy; \
-          `password_file` with an absolute path, or `password_env` with the name of an environment variable"]
+        [
+            "mqtt.password: a password must not be in this file, which others may read and copy; \
+          `password_file` with an absolute path, or `password_env` with the name of an environment variable"
+        ]
     );
     only(
-        &over("mqtts://broker", "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\npassword_env = 'MQTT'"),
+        &over(
+            "mqtts://broker",
+            "user = 'vfd'\npassword_file = '/run/secrets/mqtt'\npassword_env = 'MQTT'",
+        ),
         "mqtt.password_env: the password is named twice: `password_file` is there as well; one of the two",
     );
     only(
@@ -148,13 +261,34 @@ fn a_password_never_stands_in_the_file() {
 fn a_password_in_plain_view_must_be_meant() {
     let exposed = "mqtt.broker: user and password would be sent unencrypted over the network; \
                    `mqtts://`, or `allow_plain_password = true` on a network that you trust";
-    only(&over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'"), exposed);
-    only(&over("mqtt://10.0.0.7", "user = 'vfd'\nallow_plain_password = false"), exposed);
-    good(&over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'\nallow_plain_password = true"));
-    good(&over("mqtt://127.0.0.1", "user = 'vfd'\npassword_env = 'MQTT'"));
-    good(&over("mqtts://broker", "user = 'vfd'\nallow_plain_password = false"));
-    for (broker, lines) in [("mqtts://broker", "user = 'vfd'"), ("mqtt://[::1]", "user = 'vfd'"), ("mqtt://broker", "")]
-    {
+    only(
+        &over("mqtt://broker", "user = 'vfd'\npassword_env = 'MQTT'"),
+        exposed,
+    );
+    only(
+        &over(
+            "mqtt://10.0.0.7",
+            "user = 'vfd'\nallow_plain_password = false",
+        ),
+        exposed,
+    );
+    good(&over(
+        "mqtt://broker",
+        "user = 'vfd'\npassword_env = 'MQTT'\nallow_plain_password = true",
+    ));
+    good(&over(
+        "mqtt://127.0.0.1",
+        "user = 'vfd'\npassword_env = 'MQTT'",
+    ));
+    good(&over(
+        "mqtts://broker",
+        "user = 'vfd'\nallow_plain_password = false",
+    ));
+    for (broker, lines) in [
+        ("mqtts://broker", "user = 'vfd'"),
+        ("mqtt://[::1]", "user = 'vfd'"),
+        ("mqtt://broker", ""),
+    ] {
         only(
             &over(broker, &format!("{lines}\nallow_plain_password = true")),
             "mqtt.allow_plain_password: has no effect: no user or password is sent unencrypted over the \
@@ -198,7 +332,10 @@ fn the_embedded_broker_knows_nobody() {
 #[test]
 fn a_key_that_another_makes_idle_is_refused() {
     only(
-        &over("mqtt://broker", "lease = 'explicit'\nalive_topic = 'homeassistant/status'"),
+        &over(
+            "mqtt://broker",
+            "lease = 'explicit'\nalive_topic = 'homeassistant/status'",
+        ),
         "mqtt.alive_topic: has no effect: an explicit lease does not depend on a topic; \
          leave it out, or lease = \"session\"",
     );
@@ -211,7 +348,9 @@ fn a_key_that_another_makes_idle_is_refused() {
 #[test]
 fn topics_are_topics() {
     let right = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
-    for wrong in ["", "/vfd", "vfd/", "a//b", "vfd/#", "+/vfd", "$SYS", "a\\tb"] {
+    for wrong in [
+        "", "/vfd", "vfd/", "a//b", "vfd/#", "+/vfd", "$SYS", "a\\tb",
+    ] {
         for key in ["prefix", "response_prefix"] {
             let found = problems(&over("mqtt://broker", &format!("{key} = \"{wrong}\"")));
             assert!(found.len() == 1 && found[0].ends_with(right), "{found:?}");
@@ -230,13 +369,34 @@ fn topics_are_topics() {
 #[test]
 fn times_and_versions_stay_in_their_range() {
     for (line, problem) in [
-        ("version = 3", "version: 3 is out of range; a whole number from 4 to 5"),
-        ("heartbeat = '500ms'", "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\""),
-        ("keep_alive = '1s'", "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\""),
-        ("keep_alive = '5500ms'", "keep_alive: the protocol uses whole seconds for this time; \"5s\""),
-        ("keep_telemetry = 100001", "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000"),
-        ("probe_interval = '100ms'", "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\""),
-        ("command_ttl = '2min'", "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\""),
+        (
+            "version = 3",
+            "version: 3 is out of range; a whole number from 4 to 5",
+        ),
+        (
+            "heartbeat = '500ms'",
+            "heartbeat: 500ms is out of range; a time from \"1s\" to \"1h\"",
+        ),
+        (
+            "keep_alive = '1s'",
+            "keep_alive: 1s is out of range; a time from \"5s\" to \"10min\"",
+        ),
+        (
+            "keep_alive = '5500ms'",
+            "keep_alive: the protocol uses whole seconds for this time; \"5s\"",
+        ),
+        (
+            "keep_telemetry = 100001",
+            "keep_telemetry: 100001 is out of range; a whole number from 0 to 100000",
+        ),
+        (
+            "probe_interval = '100ms'",
+            "probe_interval: 100ms is out of range; a time from \"200ms\" to \"1min\"",
+        ),
+        (
+            "command_ttl = '2min'",
+            "command_ttl: 2min is out of range; a time from \"100ms\" to \"1min\"",
+        ),
         (
             "lease = 'sesion'",
             "lease: `sesion` is not an allowed value; one of \"session\" (control lasts as long as the path through the broker), \
@@ -278,11 +438,21 @@ fn what_is_announced_to_home_assistant_is_published() {
 
 #[test]
 fn discovery_by_home_assistant_is_taken_and_checked() {
-    let found = |written: &str| mqtt(&over("embedded", &format!("home_assistant = {written}"))).home_assistant.unwrap();
+    let found = |written: &str| {
+        mqtt(&over("embedded", &format!("home_assistant = {written}")))
+            .home_assistant
+            .unwrap()
+    };
     let plain = found("{ discovery = true }");
-    assert_eq!((plain.discovery, plain.prefix.as_str(), plain.devices), (true, "homeassistant", false));
+    assert_eq!(
+        (plain.discovery, plain.prefix.as_str(), plain.devices),
+        (true, "homeassistant", false)
+    );
     let all = found("{ discovery = false, prefix = 'ha/new', devices = true }");
-    assert_eq!((all.discovery, all.prefix.as_str(), all.devices), (false, "ha/new", true));
+    assert_eq!(
+        (all.discovery, all.prefix.as_str(), all.devices),
+        (false, "ha/new", true)
+    );
     let levels = "levels of a topic without `+`, `#`, a first `$`, or a slash at either end: \"vfd\", \"plant/vfd\"";
     for (written, problem) in [
         ("{}", "mqtt.home_assistant.discovery: `discovery` is missing; true or false".to_owned()),
@@ -297,7 +467,10 @@ fn discovery_by_home_assistant_is_taken_and_checked() {
     ] {
         only(&over("embedded", &format!("home_assistant = {written}")), &problem);
     }
-    let two = problems(&over("embedded", "home_assistant = { discovery = 1, device = true }"));
+    let two = problems(&over(
+        "embedded",
+        "home_assistant = { discovery = 1, device = true }",
+    ));
     assert_eq!(two.len(), 2, "{two:?}");
 }
 
@@ -305,20 +478,42 @@ const SPARKPLUG: &str = "[mqtt.sparkplug]\ngroup = 'hall 1'\n";
 
 /// `over`, with a data directory.
 fn kept(text: &str) -> String {
-    format!("[gateway]\ndata_dir = '/var/lib/vfd-gateway'\n{}", text.replacen("[gateway]\n", "", 1))
+    format!(
+        "[gateway]\ndata_dir = '/var/lib/vfd-gateway'\n{}",
+        text.replacen("[gateway]\n", "", 1)
+    )
 }
 
 #[test]
 fn of_sparkplug_only_the_group_must_be_named() {
     let found = mqtt(&kept(&over("mqtt://broker", SPARKPLUG)));
     let sparkplug = found.sparkplug.clone().unwrap();
-    assert_eq!((sparkplug.group.as_str(), sparkplug.primary_host, sparkplug.client_id), ("hall 1", None, None));
-    assert_eq!((sparkplug.max_command_age, sparkplug.keep_telemetry), (Duration::from_secs(10), 10_000));
+    assert_eq!(
+        (
+            sparkplug.group.as_str(),
+            sparkplug.primary_host,
+            sparkplug.client_id
+        ),
+        ("hall 1", None, None)
+    );
+    assert_eq!(
+        (sparkplug.max_command_age, sparkplug.keep_telemetry),
+        (Duration::from_secs(10), 10_000)
+    );
     let name = Name::new("plant-a").unwrap();
-    assert_eq!(found.sparkplug_client_id(&name), "vfd-gateway-plant-a-sparkplug");
+    assert_eq!(
+        found.sparkplug_client_id(&name),
+        "vfd-gateway-plant-a-sparkplug"
+    );
     let session = found.sparkplug_session(name.clone(), false).unwrap();
-    assert_eq!((session.node, session.probe_topic.as_str()), (name.clone(), "vfd/plant-a/sparkplug/probe"));
-    assert_eq!(mqtt(&over("mqtt://broker", "")).sparkplug_session(name, false), None);
+    assert_eq!(
+        (session.node, session.probe_topic.as_str()),
+        (name.clone(), "vfd/plant-a/sparkplug/probe")
+    );
+    assert_eq!(
+        mqtt(&over("mqtt://broker", "")).sparkplug_session(name, false),
+        None
+    );
     only(
         &kept(&over("mqtt://broker", "[mqtt.sparkplug]\ngroup = 'a/b'")),
         "mqtt.sparkplug.group: `a/b` is not valid; one level of a topic, without `/`, `+`, `#` or a first `$`: \"plant-a\"",
@@ -333,7 +528,10 @@ fn sparkplug_needs_a_place_for_its_numbers_and_an_identifier_of_its_own() {
          `[gateway]`, or no `[mqtt.sparkplug]`",
     );
     only(
-        &kept(&over("mqtt://broker", &format!("client_id = 'a'\n{SPARKPLUG}client_id = 'a'"))),
+        &kept(&over(
+            "mqtt://broker",
+            &format!("client_id = 'a'\n{SPARKPLUG}client_id = 'a'"),
+        )),
         "mqtt.sparkplug.client_id: the same as `client_id` in `[mqtt]`: the broker would end one connection for the other; \
          another one, or leave it out",
     );
@@ -342,14 +540,24 @@ fn sparkplug_needs_a_place_for_its_numbers_and_an_identifier_of_its_own() {
 #[test]
 fn the_connections_of_a_pair_have_an_identifier_each_but_that_of_sparkplug() {
     let pair = |half: &str, partner: &str, mqtt: &str, sparkplug: &str| {
-        let standby = format!("[standby]\nhalf = '{half}'\npartner = '{partner}'\n[[line]]\nstandby = true\n");
-        let text = kept(&over("mqtt://broker", &format!("{mqtt}{SPARKPLUG}{sparkplug}")));
+        let standby = format!(
+            "[standby]\nhalf = '{half}'\npartner = '{partner}'\n[[line]]\nstandby = true\n"
+        );
+        let text = kept(&over(
+            "mqtt://broker",
+            &format!("{mqtt}{SPARKPLUG}{sparkplug}"),
+        ));
         with(&text, "[[line]]\n", &standby)
     };
     let ended = "the broker would end one connection for the other";
     for (own, whose) in [("x-a", "a"), ("x-b", "b")] {
         only(
-            &pair("a", "b", "client_id = 'x'\n", &format!("client_id = '{own}'")),
+            &pair(
+                "a",
+                "b",
+                "client_id = 'x'\n",
+                &format!("client_id = '{own}'"),
+            ),
             &format!(
                 "mqtt.sparkplug.client_id: the gateway `{whose}` has this one for `[mqtt]`, with its `half` behind it: {ended}; \
                  another one, or leave it out"
@@ -357,7 +565,10 @@ fn the_connections_of_a_pair_have_an_identifier_each_but_that_of_sparkplug() {
         );
     }
     for (half, partner, key) in [("sparkplug", "b", "half"), ("a", "sparkplug", "partner")] {
-        for (mqtt, id) in [("client_id = 'x'\n", "x-sparkplug"), ("", "vfd-gateway-plant-a-sparkplug")] {
+        for (mqtt, id) in [
+            ("client_id = 'x'\n", "x-sparkplug"),
+            ("", "vfd-gateway-plant-a-sparkplug"),
+        ] {
             let text = pair(half, partner, mqtt, "");
             let text = text.replace("[gateway]\n", "[gateway]\nname = 'plant-a'\n");
             only(
@@ -374,7 +585,10 @@ fn the_connections_of_a_pair_have_an_identifier_each_but_that_of_sparkplug() {
     good(&pair("a", "b", "client_id = 'x'\n", "client_id = 'x-c'"));
     good(&pair("a", "b", "", ""));
     // The name of the gateway stands in what is left out.
-    let named = kept(&over("mqtt://broker", &format!("{SPARKPLUG}client_id = 'vfd-gateway-plant-a'")));
+    let named = kept(&over(
+        "mqtt://broker",
+        &format!("{SPARKPLUG}client_id = 'vfd-gateway-plant-a'"),
+    ));
     only(
         &named.replace("[gateway]\n", "[gateway]\nname = 'plant-a'\n"),
         &format!(
@@ -392,7 +606,9 @@ fn a_drive_that_a_host_commands_needs_a_sign_of_life_of_it() {
         )
     };
     let with = |control: &str, sparkplug: &str| {
-        kept(&format!("{MINIMAL}{control}[mqtt]\nbroker = 'mqtt://broker'\n{sparkplug}\n"))
+        kept(&format!(
+            "{MINIMAL}{control}[mqtt]\nbroker = 'mqtt://broker'\n{sparkplug}\n"
+        ))
     };
     only(
         &with(&control("'sparkplug'", ""), ""),
@@ -404,9 +620,21 @@ fn a_drive_that_a_host_commands_needs_a_sign_of_life_of_it() {
         "line[0].drive[0].control.from[0]: a session lease of a Sparkplug host lasts while it is online, and no host is \
          named; `primary_host` in `[mqtt.sparkplug]`, or lease = \"explicit\"",
     );
-    let by_itself = good(&with(&control("'sparkplug'", "lease = 'explicit'"), SPARKPLUG));
-    let hosted = good(&with(&control("'mqtt', 'sparkplug'", ""), &format!("{SPARKPLUG}primary_host = 'scada'")));
+    let by_itself = good(&with(
+        &control("'sparkplug'", "lease = 'explicit'"),
+        SPARKPLUG,
+    ));
+    let hosted = good(&with(
+        &control("'mqtt', 'sparkplug'", ""),
+        &format!("{SPARKPLUG}primary_host = 'scada'"),
+    ));
     for config in [by_itself, hosted] {
-        assert!(config.lines[0].drives[0].control.as_ref().unwrap().from_sparkplug);
+        assert!(
+            config.lines[0].drives[0]
+                .control
+                .as_ref()
+                .unwrap()
+                .from_sparkplug
+        );
     }
 }

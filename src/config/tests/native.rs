@@ -11,11 +11,32 @@ fn writes(list: &str) -> String {
 #[test]
 fn registers_are_named_by_code_name_or_address() {
     let config = good(&writes("['f008', '0x020c']"));
-    assert_eq!(config.lines[0].drives[0].control.as_ref().unwrap().native_write, [0x020E, 0x020C]);
+    assert_eq!(
+        config.lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .native_write,
+        [0x020E, 0x020C]
+    );
     let config = good(&writes("['acceleration_time']"));
-    assert_eq!(config.lines[0].drives[0].control.as_ref().unwrap().native_write, [0x020C]);
+    assert_eq!(
+        config.lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .native_write,
+        [0x020C]
+    );
     let config = good(&writes("[]"));
-    assert_eq!(config.lines[0].drives[0].control.as_ref().unwrap().native_write, [0_u16; 0]);
+    assert_eq!(
+        config.lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .native_write,
+        [0_u16; 0]
+    );
 }
 
 #[test]
@@ -27,10 +48,19 @@ fn a_register_of_the_configuration_may_be_listed() {
         );
         with(&writes("['mine']"), "[line.drive.native]", &register)
     };
-    assert_eq!(good(&register("write")).lines[0].drives[0].control.as_ref().unwrap().native_write, [0x0333]);
+    assert_eq!(
+        good(&register("write")).lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .native_write,
+        [0x0333]
+    );
     only(
         &register("read"),
-        &format!("{AT}.write[0]: `mine` cannot be written; registers with the access \"write\" or \"read-write\""),
+        &format!(
+            "{AT}.write[0]: `mine` cannot be written; registers with the access \"write\" or \"read-write\""
+        ),
     );
 }
 
@@ -45,25 +75,37 @@ fn only_registers_that_are_no_way_around_control_are_listed() {
         ("F001", "frequency_setting", around),
         ("F010", "frequency_source", around),
         ("0x0212", "run_source", around),
-        ("D001", "output_frequency", "cannot be written; registers with the access \"write\" or \"read-write\""),
+        (
+            "D001",
+            "output_frequency",
+            "cannot be written; registers with the access \"write\" or \"read-write\"",
+        ),
     ] {
-        only(&writes(&format!("['{written}']")), &format!("{AT}.write[0]: `{name}` {problem}"));
+        only(
+            &writes(&format!("['{written}']")),
+            &format!("{AT}.write[0]: `{name}` {problem}"),
+        );
     }
 }
 
 #[test]
 fn a_register_that_is_not_there_is_not_written() {
-    let by_address = "the address of a register of the model, or of one added by `[[line.drive.register]]`";
+    let by_address =
+        "the address of a register of the model, or of one added by `[[line.drive.register]]`";
     for (written, right) in [
         ("F0007", "\"F007\""),
         ("aceleration_time", "\"acceleration_time\""),
-        ("524", "a name or a code of the model, or an address as \"0x020C\""),
+        (
+            "524",
+            "a name or a code of the model, or an address as \"0x020C\"",
+        ),
     ] {
         let problem = format!("{AT}.write[0]: hyundai-n700 has no register `{written}`; {right}");
         only(&writes(&format!("['{written}']")), &problem);
     }
     for written in ["0x020D", "0x", "0x+20C", "0x1020C"] {
-        let problem = format!("{AT}.write[0]: hyundai-n700 has no register at `{written}`; {by_address}");
+        let problem =
+            format!("{AT}.write[0]: hyundai-n700 has no register at `{written}`; {by_address}");
         only(&writes(&format!("['{written}']")), &problem);
     }
     only(

@@ -4,24 +4,46 @@ use super::*;
 use crate::north::mqtt::Tree;
 
 fn drive(table: &str) -> String {
-    with(CONTROLLED, "station = 1\n", &format!("station = 1\n{table}\n"))
+    with(
+        CONTROLLED,
+        "station = 1\n",
+        &format!("station = 1\n{table}\n"),
+    )
 }
 
 fn publishing(list: &str, table: &str) -> String {
-    with(&drive(table), "[mqtt]\n", &format!("[mqtt]\npublish = {list}\n"))
+    with(
+        &drive(table),
+        "[mqtt]\n",
+        &format!("[mqtt]\npublish = {list}\n"),
+    )
 }
 
 #[test]
 fn dead_bands_are_those_of_polled_registers() {
-    let bands = |table: &str| with(CONTROLLED, "station = 1\n", &format!("station = 1\ndead_bands = {table}\n"));
+    let bands = |table: &str| {
+        with(
+            CONTROLLED,
+            "station = 1\n",
+            &format!("station = 1\ndead_bands = {table}\n"),
+        )
+    };
     let config = good(&bands("{ output_frequency = 0.05, trip_count = 1 }"));
     let mut found = config.lines[0].drives[0].points.dead_bands.clone();
     found.sort_by(|one, other| one.0.cmp(&other.0));
-    assert_eq!(found, [("output_frequency".to_owned(), 0.05), ("trip_count".to_owned(), 1.0)]);
+    assert_eq!(
+        found,
+        [
+            ("output_frequency".to_owned(), 0.05),
+            ("trip_count".to_owned(), 1.0)
+        ]
+    );
     let at = "line[0].drive[0].dead_bands";
     only(
         &bands("{ output_freqency = 0.05 }"),
-        &format!("{at}.output_freqency: has no effect: no register `output_freqency` is polled; `output_frequency`"),
+        &format!(
+            "{at}.output_freqency: has no effect: no register `output_freqency` is polled; `output_frequency`"
+        ),
     );
     only(
         &bands("{ acceleration_time = 1 }"),
@@ -33,7 +55,9 @@ fn dead_bands_are_those_of_polled_registers() {
     for wrong in ["0", "-0.1", "inf"] {
         only(
             &bands(&format!("{{ output_frequency = {wrong} }}")),
-            &format!("{at}.output_frequency: {wrong} is out of range; a number from 0.000001 to 100000"),
+            &format!(
+                "{at}.output_frequency: {wrong} is out of range; a number from 0.000001 to 100000"
+            ),
         );
     }
     only(
@@ -46,13 +70,23 @@ fn dead_bands_are_those_of_polled_registers() {
 
 #[test]
 fn heartbeats_and_decimals_are_those_of_polled_registers() {
-    let config =
-        good(&drive("heartbeats = { output_frequency = '5s' }\ndecimals = { output_frequency = 1, trip_count = 0 }"));
+    let config = good(&drive(
+        "heartbeats = { output_frequency = '5s' }\ndecimals = { output_frequency = 1, trip_count = 0 }",
+    ));
     let points = &config.lines[0].drives[0].points;
-    assert_eq!(points.heartbeats, [("output_frequency".to_owned(), Duration::from_secs(5))]);
+    assert_eq!(
+        points.heartbeats,
+        [("output_frequency".to_owned(), Duration::from_secs(5))]
+    );
     let mut decimals = points.decimals.clone();
     decimals.sort();
-    assert_eq!(decimals, [("output_frequency".to_owned(), 1), ("trip_count".to_owned(), 0)]);
+    assert_eq!(
+        decimals,
+        [
+            ("output_frequency".to_owned(), 1),
+            ("trip_count".to_owned(), 0)
+        ]
+    );
     let at = "line[0].drive[0]";
     for (table, problem) in [
         (
@@ -95,12 +129,18 @@ fn what_is_published_is_listed() {
     assert_eq!(listed("[]"), []);
     assert_eq!(listed("['values', 'state']"), [Tree::Values, Tree::State]);
     for (list, problem) in [
-        ("['stat']", "mqtt.publish[0]: `stat` is not an allowed value; \"state\""),
+        (
+            "['stat']",
+            "mqtt.publish[0]: `stat` is not an allowed value; \"state\"",
+        ),
         (
             "['history']",
             "mqtt.publish[0]: `history` is not an allowed value; one of \"state\", \"values\", \"param\", \"line\", \"info\"",
         ),
-        ("['line', 'line']", "mqtt.publish[1]: \"line\" is listed twice; each once"),
+        (
+            "['line', 'line']",
+            "mqtt.publish[1]: \"line\" is listed twice; each once",
+        ),
         (
             "'values'",
             "mqtt.publish: must be a list, not text; a list, each one of \"state\", \"values\", \"param\", \"line\", \"info\"",
@@ -123,7 +163,10 @@ fn a_table_about_topics_that_are_left_out_is_refused() {
     let decimals = "decimals = { output_frequency = 1 }";
     only(&publishing("['state']", heartbeats), &refusal("heartbeats"));
     good(&publishing("['state']", bands));
-    good(&publishing("['values']", &format!("{heartbeats}\n{decimals}")));
+    good(&publishing(
+        "['values']",
+        &format!("{heartbeats}\n{decimals}"),
+    ));
     only(&publishing("['line']", bands), &refusal("dead_bands"));
     only(&publishing("['line']", decimals), &refusal("decimals"));
     good(&publishing("['line']\nkeep_telemetry = 10", bands));

@@ -14,8 +14,16 @@ const WORDS: &str = "one of \"stop\" (the motor is stopped by its ramp), \"coast
 /// `CONTROLLED` with `section`, `lines` in its line, and `control` in its control section.
 fn pair_of(section: &str, lines: &str, control: &str) -> String {
     let text = with(CONTROLLED, "[[line]]\n", &format!("{section}[[line]]\n"));
-    let text = with(&text, "name = \"hall-1\"\n", &format!("name = \"hall-1\"\n{lines}\n"));
-    with(&text, "on_shutdown = \"hold\"\n", &format!("on_shutdown = \"hold\"\n{control}\n"))
+    let text = with(
+        &text,
+        "name = \"hall-1\"\n",
+        &format!("name = \"hall-1\"\n{lines}\n"),
+    );
+    with(
+        &text,
+        "on_shutdown = \"hold\"\n",
+        &format!("on_shutdown = \"hold\"\n{control}\n"),
+    )
 }
 
 fn pair() -> String {
@@ -27,28 +35,57 @@ fn a_pair_gets_its_defaults() {
     let config = good(&pair());
     assert!(config.warnings.is_empty(), "{:?}", config.warnings);
     let (half, partner) = (Name::new("a").unwrap(), Name::new("b").unwrap());
-    let expected = StandbyPair { half, partner, rank: 0, take_over_after: None };
+    let expected = StandbyPair {
+        half,
+        partner,
+        rank: 0,
+        take_over_after: None,
+    };
     assert_eq!(config.standby.as_ref(), Some(&expected));
     assert_eq!(config.lines[0].standby.as_ref(), Some(&expected));
     let control = config.lines[0].drives[0].control.as_ref().unwrap();
     assert_eq!(control.on_gateway_lost, Some(OnGatewayLost::Stop));
     let alone = good(CONTROLLED);
     assert_eq!((&alone.standby, &alone.lines[0].standby), (&None, &None));
-    assert_eq!(alone.lines[0].drives[0].control.as_ref().unwrap().on_gateway_lost, None);
+    assert_eq!(
+        alone.lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .on_gateway_lost,
+        None
+    );
 }
 
 #[test]
 fn every_word_and_every_number_of_the_pair_is_taken() {
     for action in OnGatewayLost::ALL {
-        let text = with(&pair(), "on_gateway_lost = \"stop\"", &format!("on_gateway_lost = \"{}\"", action.word()));
+        let text = with(
+            &pair(),
+            "on_gateway_lost = \"stop\"",
+            &format!("on_gateway_lost = \"{}\"", action.word()),
+        );
         let config = good(&text);
-        assert_eq!(config.lines[0].drives[0].control.as_ref().unwrap().on_gateway_lost, Some(action));
+        assert_eq!(
+            config.lines[0].drives[0]
+                .control
+                .as_ref()
+                .unwrap()
+                .on_gateway_lost,
+            Some(action)
+        );
     }
     let section = "[standby]\nhalf = \"North_1.left-row\"\npartner = \"b\"\nrank = 7\ntake_over_after = \"10min\"\n";
     let config = good(&with(&pair(), SECTION, section));
     let pair = config.standby.unwrap();
-    assert_eq!((pair.rank, pair.take_over_after), (7, Some(Duration::from_secs(600))));
-    assert_eq!(line_plan_times(&config.lines[0]).take_over_after, Duration::from_millis(603_500));
+    assert_eq!(
+        (pair.rank, pair.take_over_after),
+        (7, Some(Duration::from_secs(600)))
+    );
+    assert_eq!(
+        line_plan_times(&config.lines[0]).take_over_after,
+        Duration::from_millis(603_500)
+    );
 }
 
 fn line_plan_times(line: &LineSettings) -> StandbyTimes {
@@ -68,8 +105,14 @@ fn the_two_have_names_of_their_own() {
             &format!("standby.half: `{bad}` is not valid; {right}"),
         );
     }
-    only(&with(&pair(), "half = \"a\"\n", ""), &format!("standby.half: `half` is missing; {right}"));
-    only(&with(&pair(), "partner = \"b\"\n", ""), &format!("standby.partner: `partner` is missing; {right}"));
+    only(
+        &with(&pair(), "half = \"a\"\n", ""),
+        &format!("standby.half: `half` is missing; {right}"),
+    );
+    only(
+        &with(&pair(), "partner = \"b\"\n", ""),
+        &format!("standby.partner: `partner` is missing; {right}"),
+    );
     only(
         &with(&pair(), "half = \"a\"", "half = \"a\"\nrank = 8"),
         "standby.rank: 8 is out of range; a whole number from 0 to 7",
@@ -92,7 +135,14 @@ fn a_second_gateway_needs_a_section_and_the_section_a_line() {
     assert_eq!(found, [none, unused]);
     let config = good(&idle);
     assert_eq!(config.lines[0].standby, None);
-    assert_eq!(config.lines[0].drives[0].control.as_ref().unwrap().on_gateway_lost, None);
+    assert_eq!(
+        config.lines[0].drives[0]
+            .control
+            .as_ref()
+            .unwrap()
+            .on_gateway_lost,
+        None
+    );
 }
 
 #[test]
@@ -105,8 +155,14 @@ fn nothing_is_assumed_about_a_running_drive() {
         ),
     );
     only(
-        &with(&pair(), "on_gateway_lost = \"stop\"", "on_gateway_lost = \"continue\""),
-        &format!("line[0].drive[0].control.on_gateway_lost: `continue` is not an allowed value; {WORDS}"),
+        &with(
+            &pair(),
+            "on_gateway_lost = \"stop\"",
+            "on_gateway_lost = \"continue\"",
+        ),
+        &format!(
+            "line[0].drive[0].control.on_gateway_lost: `continue` is not an allowed value; {WORDS}"
+        ),
     );
     // A drive without control needs none: it cannot be started from here.
     let text = line_with("standby = true");
@@ -115,32 +171,65 @@ fn nothing_is_assumed_about_a_running_drive() {
 
 #[test]
 fn a_coast_is_proven_or_accepted() {
-    let coast = with(&pair(), "on_gateway_lost = \"stop\"", "on_gateway_lost = \"coast\"");
-    let of_commander = with(CONTROLLED, "on_commander_lost = \"stop\"", "on_commander_lost = \"coast\"");
-    for model in ["hyundai-n700", "hyundai-n100plus", "teco-e510", "frecon-fr500a", "toshiba-vf-s15"] {
+    let coast = with(
+        &pair(),
+        "on_gateway_lost = \"stop\"",
+        "on_gateway_lost = \"coast\"",
+    );
+    let of_commander = with(
+        CONTROLLED,
+        "on_commander_lost = \"stop\"",
+        "on_commander_lost = \"coast\"",
+    );
+    for model in [
+        "hyundai-n700",
+        "hyundai-n100plus",
+        "teco-e510",
+        "frecon-fr500a",
+        "toshiba-vf-s15",
+    ] {
         let told = |text: &str| {
-            let text = text.replace("hyundai-n700", model).replace("write = [\"F007\"]", "write = []");
-            problems(&text).into_iter().filter(|it| it.contains("coast")).collect::<Vec<_>>()
+            let text = text
+                .replace("hyundai-n700", model)
+                .replace("write = [\"F007\"]", "write = []");
+            problems(&text)
+                .into_iter()
+                .filter(|it| it.contains("coast"))
+                .collect::<Vec<_>>()
         };
-        let expected: Vec<_> =
-            told(&of_commander).iter().map(|it| it.replace("on_commander_lost", "on_gateway_lost")).collect();
+        let expected: Vec<_> = told(&of_commander)
+            .iter()
+            .map(|it| it.replace("on_commander_lost", "on_gateway_lost"))
+            .collect();
         assert_eq!(told(&coast), expected, "{model}");
     }
-    assert!(problems(&of_commander.replace("hyundai-n700", "toshiba-vf-s15")).iter().any(|it| it.contains("coast")));
+    assert!(
+        problems(&of_commander.replace("hyundai-n700", "toshiba-vf-s15"))
+            .iter()
+            .any(|it| it.contains("coast"))
+    );
 }
 
 #[test]
 fn a_drive_that_is_wired_is_not_promised_to_stop() {
     let bus = "on_gateway_lost = \"stop\"\nbus = \"frequency\"";
     let text = with(&pair(), "on_gateway_lost = \"stop\"", bus);
-    let text = with(&text, "on_commander_lost = \"stop\"", "on_commander_lost = \"hold\"");
+    let text = with(
+        &text,
+        "on_commander_lost = \"stop\"",
+        "on_commander_lost = \"hold\"",
+    );
     only(
         &text,
         "line[0].drive[0].control.on_gateway_lost: the drive is started and stopped elsewhere (bus = \"frequency\"), so this \
          cannot be relied on; \"hold\" or \"adopt\", or bus = \"both\"",
     );
     for good_word in ["hold", "adopt"] {
-        good(&with(&text, "on_gateway_lost = \"stop\"", &format!("on_gateway_lost = \"{good_word}\"")));
+        good(&with(
+            &text,
+            "on_gateway_lost = \"stop\"",
+            &format!("on_gateway_lost = \"{good_word}\""),
+        ));
     }
 }
 
@@ -149,15 +238,34 @@ fn a_line_that_cannot_be_heard_has_no_second_gateway() {
     let right = "leave it out; two gateways need RS-485 at a serial device of each";
     let nothing = "line[0].standby: a second gateway would hear nothing";
     for (from, to, why) in [
-        ("\"/dev/ttyUSB0\"", "\"tcp://10.0.0.7:4001\"", "a serial device server passes on only what its drives send"),
-        ("\"/dev/ttyUSB0\"", "\"modbus-tcp://10.0.0.7\"", "a Modbus TCP connection belongs to one client"),
-        ("standby = true", "standby = true\ninterface = \"rs232\"", "RS-232 connects two devices, not three"),
+        (
+            "\"/dev/ttyUSB0\"",
+            "\"tcp://10.0.0.7:4001\"",
+            "a serial device server passes on only what its drives send",
+        ),
+        (
+            "\"/dev/ttyUSB0\"",
+            "\"modbus-tcp://10.0.0.7\"",
+            "a Modbus TCP connection belongs to one client",
+        ),
+        (
+            "standby = true",
+            "standby = true\ninterface = \"rs232\"",
+            "RS-232 connects two devices, not three",
+        ),
     ] {
         let text = with(&pair(), from, to);
         let told = problems(&text);
-        assert!(told.contains(&format!("{nothing}: {why}; {right}")), "{told:?}");
+        assert!(
+            told.contains(&format!("{nothing}: {why}; {right}")),
+            "{told:?}"
+        );
     }
-    good(&with(&pair(), "standby = true", "standby = true\ninterface = \"rs485\""));
+    good(&with(
+        &pair(),
+        "standby = true",
+        "standby = true\ninterface = \"rs485\"",
+    ));
 }
 
 #[test]
@@ -169,7 +277,13 @@ fn the_station_of_the_gateways_is_no_drive() {
 
 #[test]
 fn no_program_holds_the_line_while_it_is_suspended() {
-    let switched = |by: &str| with(&pair(), "standby = true", &format!("standby = true\nrs485 = \"{by}\""));
+    let switched = |by: &str| {
+        with(
+            &pair(),
+            "standby = true",
+            &format!("standby = true\nrs485 = \"{by}\""),
+        )
+    };
     only(
         &switched("rts"),
         "line[0].rs485: with a second gateway: a program that is suspended while it holds RTS keeps the other one from \
@@ -181,34 +295,65 @@ fn no_program_holds_the_line_while_it_is_suspended() {
 
 #[test]
 fn the_silence_is_no_shorter_than_the_line_needs() {
-    let after =
-        |time: &str| with(&pair(), "partner = \"b\"\n", &format!("partner = \"b\"\ntake_over_after = \"{time}\"\n"));
+    let after = |time: &str| {
+        with(
+            &pair(),
+            "partner = \"b\"\n",
+            &format!("partner = \"b\"\ntake_over_after = \"{time}\"\n"),
+        )
+    };
     only(
         &after("2499ms"),
         "standby.take_over_after: after 2499ms the other gateway may still be sending on line `hall-1`, or waiting for a \
          reply there; at least \"2500ms\", or \"auto\"",
     );
     assert_eq!(good(&after("auto")).standby.unwrap().take_over_after, None);
-    assert_eq!(good(&after("2500ms")).standby.unwrap().take_over_after, Some(Duration::from_millis(2500)));
+    assert_eq!(
+        good(&after("2500ms")).standby.unwrap().take_over_after,
+        Some(Duration::from_millis(2500))
+    );
     only(
         &after("900ms"),
         "standby.take_over_after: 900ms is out of range; \"auto\" or a time from \"1s\" to \"10min\"",
     );
     // A line that waits longer for its replies needs more, and what is named then is enough.
-    let slow = with(&after("5s"), "standby = true", "standby = true\nreply_timeout = \"8s\"");
-    let [told] = &problems(&slow)[..] else { panic!("{:?}", problems(&slow)) };
-    let least = told.split("at least \"").nth(1).and_then(|it| it.split('"').next()).unwrap();
+    let slow = with(
+        &after("5s"),
+        "standby = true",
+        "standby = true\nreply_timeout = \"8s\"",
+    );
+    let [told] = &problems(&slow)[..] else {
+        panic!("{:?}", problems(&slow))
+    };
+    let least = told
+        .split("at least \"")
+        .nth(1)
+        .and_then(|it| it.split('"').next())
+        .unwrap();
     assert!(told.contains("line `hall-1`"), "{told}");
     let given = good(&with(&slow, "\"5s\"", &format!("\"{least}\"")));
     let auto = good(&with(&slow, "\"5s\"", "\"auto\""));
-    let (given, auto) = (line_plan_times(&given.lines[0]), line_plan_times(&auto.lines[0]));
+    let (given, auto) = (
+        line_plan_times(&given.lines[0]),
+        line_plan_times(&auto.lines[0]),
+    );
     assert_eq!(given.silent_at_most, auto.silent_at_most);
-    assert!(given.silent_at_most > Duration::from_millis(8500), "{given:?}");
-    let added = given.take_over_after.checked_sub(auto.take_over_after).unwrap();
+    assert!(
+        given.silent_at_most > Duration::from_millis(8500),
+        "{given:?}"
+    );
+    let added = given
+        .take_over_after
+        .checked_sub(auto.take_over_after)
+        .unwrap();
     assert!(added < Duration::from_millis(1), "{given:?} {auto:?}");
     // Without a second gateway on it, a line needs nothing.
     let other = with(&slow, "standby = true", "standby = false");
-    assert!(problems(&other).iter().all(|it| !it.contains("take_over_after")));
+    assert!(
+        problems(&other)
+            .iter()
+            .all(|it| !it.contains("take_over_after"))
+    );
 }
 
 #[test]
@@ -216,7 +361,10 @@ fn all_mistakes_are_told_at_once() {
     let section = "[standby]\nhalf = \"a\"\npartner = \"a\"\nrank = 9\ntake_over_after = \"soon\"\nname = \"x\"\n";
     let text = pair_of(section, "standby = true\ninterface = \"rs232\"", "");
     let told = problems(&text);
-    let keys: Vec<_> = told.iter().map(|it| it.split(": ").next().unwrap()).collect();
+    let keys: Vec<_> = told
+        .iter()
+        .map(|it| it.split(": ").next().unwrap())
+        .collect();
     let expected = [
         "standby.partner",
         "standby.rank",
@@ -234,16 +382,25 @@ fn a_changed_pair_restarts_its_lines() {
     let both = format!(
         "{}[[line]]\nname = \"hall-2\"\nport = \"/dev/ttyUSB1\"\n[[line.drive]]\nname = \"fan\"\nmodel = \
          \"hyundai-n700\"\nstation = 1\nunit = 9\n",
-        with(&pair(), "station = 1\n", "station = 1\nunit = 1\n").replace("station = 2\n", "station = 2\nunit = 2\n")
+        with(&pair(), "station = 1\n", "station = 1\nunit = 1\n")
+            .replace("station = 2\n", "station = 2\nunit = 2\n")
     );
     let old = good(&both);
-    for (from, to) in [("rank", "rank = 1"), ("half", "half = \"c\""), ("after", "take_over_after = \"4s\"")] {
+    for (from, to) in [
+        ("rank", "rank = 1"),
+        ("half", "half = \"c\""),
+        ("after", "take_over_after = \"4s\""),
+    ] {
         let new = match from {
             "half" => with(&both, "half = \"a\"", to),
             _ => with(&both, "half = \"a\"\n", &format!("half = \"a\"\n{to}\n")),
         };
         let change = Change::between(&old, &good(&new));
-        assert_eq!((&change.continues, &change.ended), (&vec![None, Some(1)], &vec![0]), "{to}");
+        assert_eq!(
+            (&change.continues, &change.ended),
+            (&vec![None, Some(1)], &vec![0]),
+            "{to}"
+        );
         let told: Vec<_> = change.told.iter().map(ToString::to_string).collect();
         assert_eq!(told, ["standby: changed", "line hall-1: changed"]);
     }

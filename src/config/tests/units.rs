@@ -5,14 +5,26 @@ use super::*;
 /// Native and uniform units of all drives.
 fn units(text: &str) -> Vec<(u8, u8)> {
     let drives = good(text).lines.into_iter().flat_map(|line| line.drives);
-    drives.map(|drive| (drive.unit.get(), drive.uniform_unit.get())).collect()
+    drives
+        .map(|drive| (drive.unit.get(), drive.uniform_unit.get()))
+        .collect()
 }
 
 #[test]
 fn a_uniform_unit_lies_100_above_unless_it_is_given() {
     assert_eq!(units(TWO_LINES), [(1, 101), (2, 102)]);
-    assert_eq!(units(&with(TWO_LINES, "unit = 1\n", "unit = 1\nuniform_unit = 7\n")), [(1, 7), (2, 102)]);
-    assert_eq!(units(&with(TWO_LINES, "unit = 1\n", "unit = 147\n")), [(147, 247), (2, 102)]);
+    assert_eq!(
+        units(&with(
+            TWO_LINES,
+            "unit = 1\n",
+            "unit = 1\nuniform_unit = 7\n"
+        )),
+        [(1, 7), (2, 102)]
+    );
+    assert_eq!(
+        units(&with(TWO_LINES, "unit = 1\n", "unit = 147\n")),
+        [(147, 247), (2, 102)]
+    );
 }
 
 #[test]
@@ -25,7 +37,14 @@ fn a_default_beyond_the_last_unit_is_reported() {
     };
     only(&with(TWO_LINES, "unit = 1\n", "unit = 148\n"), &beyond(148));
     only(&with(TWO_LINES, "unit = 1\n", "unit = 247\n"), &beyond(247));
-    assert_eq!(units(&with(TWO_LINES, "unit = 1\n", "unit = 148\nuniform_unit = 1\n")), [(148, 1), (2, 102)]);
+    assert_eq!(
+        units(&with(
+            TWO_LINES,
+            "unit = 1\n",
+            "unit = 148\nuniform_unit = 1\n"
+        )),
+        [(148, 1), (2, 102)]
+    );
 }
 
 #[test]
@@ -71,11 +90,18 @@ fn drives_of_different_listeners_may_share_a_uniform_unit() {
 
 #[test]
 fn taking_every_advice_makes_units_right() {
-    let mut text = TWO_LINES.replace("unit = 1\n", "").replace("unit = 2\n", "");
+    let mut text = TWO_LINES
+        .replace("unit = 1\n", "")
+        .replace("unit = 2\n", "");
     for (number, unit) in [(3, 101), (4, 148), (5, 101)] {
-        let drive = format!("[[line.drive]]\nname = 'd{number}'\nmodel = 'hyundai-n700'\nstation = {number}\n");
-        text =
-            with(&text, "[[line]]\nname = \"hall-2\"", &format!("{drive}unit = {unit}\n[[line]]\nname = \"hall-2\""));
+        let drive = format!(
+            "[[line.drive]]\nname = 'd{number}'\nmodel = 'hyundai-n700'\nstation = {number}\n"
+        );
+        text = with(
+            &text,
+            "[[line]]\nname = \"hall-2\"",
+            &format!("{drive}unit = {unit}\n[[line]]\nname = \"hall-2\""),
+        );
     }
     let wrong = load(&text, &catalog()).unwrap_err();
     assert_eq!(wrong.len(), 4, "{}", shown(&text, &wrong));

@@ -8,32 +8,62 @@ const AT: &str = "line[0].drive[0].control";
 /// proven then.
 fn catalog() -> Catalog {
     let e510 = include_str!("../../vendors/teco/e510.toml");
-    let e510 = e510.replace("\"program\"", "\"manual\"").replace("\"commissioning-sheet\"", "\"manual\"");
+    let e510 = e510
+        .replace("\"program\"", "\"manual\"")
+        .replace("\"commissioning-sheet\"", "\"manual\"");
     let e510 = e510.replace("\"third-party\"", "\"second-source\"");
     let mut others = crate::vendors::texts().to_vec();
     others.retain(|(name, _)| *name != "teco/e510.toml");
-    Catalog::of_sound(&others).with_texts([("teco/e510.toml", e510)]).unwrap()
+    Catalog::of_sound(&others)
+        .with_texts([("teco/e510.toml", e510)])
+        .unwrap()
 }
 
 /// A drive of `model` with `lines` in its control section, on [that catalog](catalog).
 fn told(model: &str, lines: &str) -> Vec<String> {
     let text = with(CONTROLLED, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
-    let text = with(&text, "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n", "");
+    let text = with(
+        &text,
+        "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n",
+        "",
+    );
     let text = with(&text, "hyundai-n700", model);
-    let text = with(&text, "on_shutdown = \"hold\"\n", &format!("on_shutdown = \"hold\"\n{lines}\n"));
+    let text = with(
+        &text,
+        "on_shutdown = \"hold\"\n",
+        &format!("on_shutdown = \"hold\"\n{lines}\n"),
+    );
     let catalog = catalog();
-    let problems = crate::config::load(&text, &catalog).map_or_else(|problems| problems, |config| config.warnings);
-    let told = |it: &Problem| format!("{}: {}; {}", it.key, it.what, it.right.as_deref().unwrap_or("-"));
+    let problems = crate::config::load(&text, &catalog)
+        .map_or_else(|problems| problems, |config| config.warnings);
+    let told = |it: &Problem| {
+        format!(
+            "{}: {}; {}",
+            it.key,
+            it.what,
+            it.right.as_deref().unwrap_or("-")
+        )
+    };
     problems.iter().map(told).collect()
 }
 
 #[test]
 fn nothing_relies_on_a_watchdog_that_is_not_known() {
-    for line in ["require_watchdog = true", "watchdog = '10s'", "failsafe_confirm_timeout = '2s'"] {
+    for line in [
+        "require_watchdog = true",
+        "watchdog = '10s'",
+        "failsafe_confirm_timeout = '2s'",
+    ] {
         let key = line.split_once(' ').unwrap().0;
         assert_eq!(told("teco-e510", line), [""; 0], "{line}");
-        let idle = if key == "failsafe_confirm_timeout" { "has no effect: " } else { "" };
-        let none = format!("{AT}.{key}: {idle}no watchdog of its own is known for hyundai-n700; leave it out");
+        let idle = if key == "failsafe_confirm_timeout" {
+            "has no effect: "
+        } else {
+            ""
+        };
+        let none = format!(
+            "{AT}.{key}: {idle}no watchdog of its own is known for hyundai-n700; leave it out"
+        );
         assert_eq!(told("hyundai-n700", line), [none]);
         for unproven in ["frecon-fr500a", "teco-e510s"] {
             let what = format!(
@@ -61,22 +91,42 @@ fn its_time_fits_between_the_frames_and_the_lease() {
     assert_eq!(longer, 0);
     let text = with(CONTROLLED, "lost_after = \"30s\"", "lost_after = '8s'");
     let text = with(&text, "[line.drive.native]\nwrite = [\"F007\"]\n", "");
-    let text = with(&text, "model = \"hyundai-n700\"\nstation = 1", "model = 'teco-e510'\nstation = 1");
-    let text = with(&text, "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n", "");
+    let text = with(
+        &text,
+        "model = \"hyundai-n700\"\nstation = 1",
+        "model = 'teco-e510'\nstation = 1",
+    );
+    let text = with(
+        &text,
+        "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n",
+        "",
+    );
     let text = with(&text, "on_shutdown", "watchdog = '9s'\non_shutdown");
     let catalog = catalog();
     let told = crate::config::load(&text, &catalog).unwrap_err();
-    assert!(told.iter().any(|it| it.what == "a watchdog of 9s takes longer than `lost_after`, 8s"), "{told:?}");
+    assert!(
+        told.iter()
+            .any(|it| it.what == "a watchdog of 9s takes longer than `lost_after`, 8s"),
+        "{told:?}"
+    );
 }
 
 #[test]
 fn the_registers_of_a_watchdog_are_not_listed_for_clients() {
     for listed in ["09-06", "09-07", "0x0906"] {
         let text = with(CONTROLLED, "[\"F007\"]", &format!("['{listed}']"));
-        let text = with(&text, "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n", "");
+        let text = with(
+            &text,
+            "[[line.drive]]\nname = \"pump-2\"\nmodel = \"hyundai-n700\"\nstation = 2\n",
+            "",
+        );
         let text = with(&text, "hyundai-n700", "teco-e510");
         let catalog = catalog();
         let told = crate::config::load(&text, &catalog).unwrap_err();
-        assert!(told.iter().any(|it| it.what.ends_with("sets the drive's own watchdog")), "{listed}: {told:?}");
+        assert!(
+            told.iter()
+                .any(|it| it.what.ends_with("sets the drive's own watchdog")),
+            "{listed}: {told:?}"
+        );
     }
 }

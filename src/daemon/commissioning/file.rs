@@ -40,7 +40,11 @@ impl Proposal {
     /// What would be added.
     #[must_use]
     pub fn added(&self) -> &str {
-        self.edited.text.get(self.edited.added.clone()).unwrap_or_default().trim_start_matches(['\r', '\n'])
+        self.edited
+            .text
+            .get(self.edited.added.clone())
+            .unwrap_or_default()
+            .trim_start_matches(['\r', '\n'])
     }
 
     /// Problems or, if there are none, warnings.
@@ -55,7 +59,11 @@ impl Proposal {
     /// The cost of each line, in a sentence.
     #[must_use]
     pub fn summary(&self) -> Vec<String> {
-        let lines = self.config.as_ref().map(|config| config.lines.as_slice()).unwrap_or_default();
+        let lines = self
+            .config
+            .as_ref()
+            .map(|config| config.lines.as_slice())
+            .unwrap_or_default();
         lines.iter().map(cost).collect()
     }
 }
@@ -100,15 +108,20 @@ impl Commissioning {
     pub(super) async fn text(&self) -> Result<String, String> {
         let file = self.file();
         let read = move || {
-            user_files::text(&file, user_files::BYTES_MAX).map_err(|error| format!("{}: {error}", file.display()))
+            user_files::text(&file, user_files::BYTES_MAX)
+                .map_err(|error| format!("{}: {error}", file.display()))
         };
-        spawn_blocking(read).await.unwrap_or_else(|error| Err(error.to_string()))
+        spawn_blocking(read)
+            .await
+            .unwrap_or_else(|error| Err(error.to_string()))
     }
 
     /// What `text` would be as the file.
     pub(super) async fn judged(&self, text: String) -> Result<Judged, String> {
         let judge = Arc::clone(&self.site.judge);
-        spawn_blocking(move || judge(&text)).await.unwrap_or_else(|error| Err(error.to_string()))
+        spawn_blocking(move || judge(&text))
+            .await
+            .unwrap_or_else(|error| Err(error.to_string()))
     }
 
     /// The configuration in the file with the digest of the file.
@@ -121,7 +134,9 @@ impl Commissioning {
         let judged = self.judged(text).await.map_err(Refused::InTheWay)?;
         let wrong = |_| {
             let file = self.path().display();
-            Refused::InTheWay(format!("{file} has problems: see `vfd-gateway check -c {file}`"))
+            Refused::InTheWay(format!(
+                "{file} has problems: see `vfd-gateway check -c {file}`"
+            ))
         };
         Ok((judged.config.map_err(wrong)?, digest))
     }
@@ -148,14 +163,29 @@ impl Commissioning {
         let digest = digest_of(&text);
         let edited = match wanted {
             Wanted::Line { name, drives } => {
-                let present = self.judged(text.clone()).await.map_err(Refused::InTheWay)?.config.ok();
-                with_line(&text, &with_units(self.line(name, drives)?, present.as_ref()))
+                let present = self
+                    .judged(text.clone())
+                    .await
+                    .map_err(Refused::InTheWay)?
+                    .config
+                    .ok();
+                with_line(
+                    &text,
+                    &with_units(self.line(name, drives)?, present.as_ref()),
+                )
             }
             Wanted::Control { drive, control } => with_control(&text, drive, control),
         };
         let edited = edited.map_err(|error| Refused::InTheWay(error.to_string()))?;
-        let judged = self.judged(edited.text.clone()).await.map_err(Refused::InTheWay)?;
-        Ok(Proposal { digest, edited, config: judged.config })
+        let judged = self
+            .judged(edited.text.clone())
+            .await
+            .map_err(Refused::InTheWay)?;
+        Ok(Proposal {
+            digest,
+            edited,
+            config: judged.config,
+        })
     }
 
     /// Changes the file as `wanted` if its digest is still `digest`, and has the gateway take it over.
@@ -167,14 +197,19 @@ impl Commissioning {
         let proposal = self.proposal(wanted).await?;
         if proposal.digest != digest {
             let file = self.path().display();
-            return Err(Refused::InTheWay(format!("{file} has changed since it was checked: check again")).into());
+            return Err(Refused::InTheWay(format!(
+                "{file} has changed since it was checked: check again"
+            ))
+            .into());
         }
         if proposal.config.is_err() {
             return Err(NotDone::Problems(Box::new(proposal)));
         }
         let file = self.file();
         let new = proposal.edited.text;
-        let written = spawn_blocking(move || replaced(&file, &new)).await.map_err(io::Error::other);
+        let written = spawn_blocking(move || replaced(&file, &new))
+            .await
+            .map_err(io::Error::other);
         let (kept_as, old, readers) = written.and_then(|written| written).map_err(|error| {
             let why = self.why_not_written().unwrap_or_else(|| error.to_string());
             Refused::InTheWay(format!("{}: {why}", self.path().display()))
@@ -189,14 +224,25 @@ impl Commissioning {
             }
             Err(refusal) => {
                 let file = self.file();
-                let back = move || whole_files::replace(&file, &old, readers).and_then(|()| fs::remove_file(&kept_as));
-                let back = spawn_blocking(back).await.map_err(io::Error::other).and_then(|back| back);
+                let back = move || {
+                    whole_files::replace(&file, &old, readers)
+                        .and_then(|()| fs::remove_file(&kept_as))
+                };
+                let back = spawn_blocking(back)
+                    .await
+                    .map_err(io::Error::other)
+                    .and_then(|back| back);
                 let file = self.path().display();
                 let end = match back {
                     Ok(()) => format!("{file} is as it was"),
-                    Err(error) => format!("and {file} could not be put back ({error}): do it before the next reload"),
+                    Err(error) => format!(
+                        "and {file} could not be put back ({error}): do it before the next reload"
+                    ),
                 };
-                Err(Refused::InTheWay(format!("the gateway did not take it over: {refusal}; {end}")).into())
+                Err(Refused::InTheWay(format!(
+                    "the gateway did not take it over: {refusal}; {end}"
+                ))
+                .into())
             }
         }
     }
@@ -208,11 +254,22 @@ impl Commissioning {
         let (number, setting) = scan.setting().ok_or_else(none)?;
         let progress = scan.progress();
         let new = |wanted: &WantedDrive| {
-            let found = progress.findings.drives.iter().find(|it| it.setting == number && it.station == wanted.station);
-            let fit = found.and_then(|it| it.verdict.fits.iter().find(|(model, _)| model.id == wanted.model));
+            let found = progress
+                .findings
+                .drives
+                .iter()
+                .find(|it| it.setting == number && it.station == wanted.station);
+            let fit = found.and_then(|it| {
+                it.verdict
+                    .fits
+                    .iter()
+                    .find(|(model, _)| model.id == wanted.model)
+            });
             let (model, why) = fit.ok_or_else(|| {
                 let (station, model) = (wanted.station, &wanted.model);
-                Refused::Wrong(format!("the scan found no drive at station {station} that may be {model}"))
+                Refused::Wrong(format!(
+                    "the scan found no drive at station {station} that may be {model}"
+                ))
             })?;
             Ok(NewDrive {
                 name: wanted.name.clone(),
@@ -224,7 +281,10 @@ impl Commissioning {
                 control: wanted.control.clone(),
             })
         };
-        let mut drives = drives.iter().map(new).collect::<Result<Vec<_>, Refused>>()?;
+        let mut drives = drives
+            .iter()
+            .map(new)
+            .collect::<Result<Vec<_>, Refused>>()?;
         drives.sort_by_key(|drive| drive.station);
         Ok(NewLine {
             name: name.to_owned(),
@@ -241,14 +301,28 @@ impl Commissioning {
 /// `line` with free units for its drives, where a Modbus TCP listener would serve a second line: there the station
 /// is no default.
 fn with_units(mut line: NewLine, present: Option<&Config>) -> NewLine {
-    let Some(present) = present.filter(|it| !it.listeners.is_empty() && !it.lines.is_empty()) else { return line };
+    let Some(present) = present.filter(|it| !it.listeners.is_empty() && !it.lines.is_empty())
+    else {
+        return line;
+    };
     let drives = present.lines.iter().flat_map(|line| &line.drives);
-    let mut used: BTreeSet<u8> = drives.flat_map(|drive| [drive.unit.get(), drive.uniform_unit.get()]).collect();
+    let mut used: BTreeSet<u8> = drives
+        .flat_map(|drive| [drive.unit.get(), drive.uniform_unit.get()])
+        .collect();
     for drive in &mut line.drives {
         let is_free = |unit: &u8| !used.contains(unit) && !used.contains(&(unit + UNIFORM_ABOVE));
         let most = UnitId::MAX - UNIFORM_ABOVE;
-        drive.unit = [drive.station].into_iter().filter(|unit| *unit <= most).chain(1..=most).find(is_free);
-        used.extend(drive.unit.iter().flat_map(|unit| [*unit, unit + UNIFORM_ABOVE]));
+        drive.unit = [drive.station]
+            .into_iter()
+            .filter(|unit| *unit <= most)
+            .chain(1..=most)
+            .find(is_free);
+        used.extend(
+            drive
+                .unit
+                .iter()
+                .flat_map(|unit| [*unit, unit + UNIFORM_ABOVE]),
+        );
     }
     line
 }
@@ -257,13 +331,20 @@ fn cost(line: &LineSettings) -> String {
     let share = line_plan::budget(line).use_of_line * 100.0;
     let stop = line_plan::stop_bounds(line).all_healthy.as_secs_f64();
     match line.drives.iter().any(|drive| drive.control.is_some()) {
-        true => format!("line {}: the polls use {share:.0} % of it; slowest STOP {stop:.2} s", line.name),
+        true => format!(
+            "line {}: the polls use {share:.0} % of it; slowest STOP {stop:.2} s",
+            line.name
+        ),
         false => format!("line {}: the polls use {share:.0} % of it", line.name),
     }
 }
 
 fn digest_of(text: &str) -> String {
-    digest(&SHA256, text.as_bytes()).as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
+    digest(&SHA256, text.as_bytes())
+        .as_ref()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }
 
 /// Puts `new` in place of the file, and the old one beside it. Returns where that is, its content and its readers.
@@ -286,7 +367,10 @@ fn replaced(file: &Path, new: &str) -> io::Result<(PathBuf, Vec<u8>, Readers)> {
 
 /// `plant.toml.bak-20261124T061500.123Z`: one for each change.
 fn beside(file: &Path) -> PathBuf {
-    let at: String = rfc3339(clock::wall()).chars().filter(|c| *c != '-' && *c != ':').collect();
+    let at: String = rfc3339(clock::wall())
+        .chars()
+        .filter(|c| *c != '-' && *c != ':')
+        .collect();
     let mut name = file.file_name().unwrap_or_default().to_owned();
     name.push(format!(".bak-{at}"));
     file.with_file_name(name)

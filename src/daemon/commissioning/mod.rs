@@ -47,7 +47,9 @@ pub struct Site {
 
 impl fmt::Debug for Site {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Site").field("file", &self.file).finish_non_exhaustive()
+        f.debug_struct("Site")
+            .field("file", &self.file)
+            .finish_non_exhaustive()
     }
 }
 
@@ -99,7 +101,13 @@ impl Commissioning {
     #[must_use]
     pub fn new(site: Site, side: Arc<LocalSide>) -> Self {
         let port = Arc::new(Semaphore::new(1));
-        Self { site, side, scan: Mutex::default(), port, writing: tokio::sync::Mutex::default() }
+        Self {
+            site,
+            side,
+            scan: Mutex::default(),
+            port,
+            writing: tokio::sync::Mutex::default(),
+        }
     }
 
     /// The path to the gateway's own lines.
@@ -118,16 +126,31 @@ impl Commissioning {
     ///
     /// # Errors
     /// Why there is none.
-    pub async fn begin(&self, port: &str, asked: &str, how: Settings) -> Result<Arc<Running>, Refused> {
+    pub async fn begin(
+        &self,
+        port: &str,
+        asked: &str,
+        how: Settings,
+    ) -> Result<Arc<Running>, Refused> {
         let place = self.place()?;
         let address = config::serial_port_address(port).map_err(Refused::Wrong)?;
         let asked = stations(asked).map_err(Refused::Wrong)?;
         let is_network = matches!(address, PortAddress::Tcp { .. });
         let options = match how {
-            _ if is_network => ScanOptions { is_network, ..ScanOptions::default() },
+            _ if is_network => ScanOptions {
+                is_network,
+                ..ScanOptions::default()
+            },
             Settings::Factory => ScanOptions::default(),
-            Settings::All => ScanOptions { everything: true, ..ScanOptions::default() },
-            Settings::Only { baud, parity, stop_bits } => ScanOptions {
+            Settings::All => ScanOptions {
+                everything: true,
+                ..ScanOptions::default()
+            },
+            Settings::Only {
+                baud,
+                parity,
+                stop_bits,
+            } => ScanOptions {
                 bauds: vec![baud],
                 parity: Some(parity),
                 stop_bits: Some(stop_bits),
@@ -140,8 +163,14 @@ impl Commissioning {
         let none = || Refused::Wrong("no model has such a setting: nothing to try".to_owned());
         let link = plan.settings.first().ok_or_else(none)?.link;
         let direction = DirectionControl::Adapter;
-        let port = ToolPort { address, link, direction };
-        port.try_open(running::NAME).await.map_err(|error| Refused::InTheWay(error.to_string()))?;
+        let port = ToolPort {
+            address,
+            link,
+            direction,
+        };
+        port.try_open(running::NAME)
+            .await
+            .map_err(|error| Refused::InTheWay(error.to_string()))?;
         let running = Arc::new(Running::new(port, plan));
         *self.last() = Some(Arc::clone(&running));
         tokio::spawn(Arc::clone(&running).run(place));
@@ -163,14 +192,20 @@ impl Commissioning {
     /// # Errors
     /// It was not.
     pub fn done(&self) -> Result<Arc<Running>, Refused> {
-        let scan = self.scan().filter(|scan| scan.progress().state == ScanState::Done);
-        scan.ok_or_else(|| Refused::InTheWay("no scan has been completed; scan the port first".to_owned()))
+        let scan = self
+            .scan()
+            .filter(|scan| scan.progress().state == ScanState::Done);
+        scan.ok_or_else(|| {
+            Refused::InTheWay("no scan has been completed; scan the port first".to_owned())
+        })
     }
 
     /// The permission to use a port.
     fn place(&self) -> Result<OwnedSemaphorePermit, Refused> {
         let busy = || Refused::InTheWay("a scan or a read is under way already".to_owned());
-        Arc::clone(&self.port).try_acquire_owned().map_err(|_| busy())
+        Arc::clone(&self.port)
+            .try_acquire_owned()
+            .map_err(|_| busy())
     }
 
     async fn catalog(&self) -> Result<Catalog, Refused> {

@@ -77,7 +77,12 @@ impl Running {
             echoes: false,
             late: 0,
         };
-        Self { port, plan, progress: Mutex::new(progress), ends: Notify::new() }
+        Self {
+            port,
+            plan,
+            progress: Mutex::new(progress),
+            ends: Notify::new(),
+        }
     }
 
     /// The port.
@@ -147,10 +152,17 @@ impl Running {
             Event::Answers(station) => {
                 let setting = progress.setting.unwrap_or_default();
                 let verdict = Verdict::default();
-                progress.findings.drives.push(Finding { setting, station: *station, by_exception: false, verdict });
+                progress.findings.drives.push(Finding {
+                    setting,
+                    station: *station,
+                    by_exception: false,
+                    verdict,
+                });
             }
             Event::Told(finding) => {
-                let of_station = |it: &&mut Finding| (it.setting, it.station) == (finding.setting, finding.station);
+                let of_station = |it: &&mut Finding| {
+                    (it.setting, it.station) == (finding.setting, finding.station)
+                };
                 if let Some(known) = progress.findings.drives.iter_mut().find(of_station) {
                     known.clone_from(finding);
                 }

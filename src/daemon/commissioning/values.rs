@@ -34,24 +34,45 @@ impl Commissioning {
     ///
     /// # Errors
     /// Why there are none.
-    pub async fn values(&self, station: u8, ids: &[String]) -> Result<Vec<(String, Vec<LiveValue>)>, Refused> {
+    pub async fn values(
+        &self,
+        station: u8,
+        ids: &[String],
+    ) -> Result<Vec<(String, Vec<LiveValue>)>, Refused> {
         let scan = self.done()?;
         let place = self.place()?;
         let progress = scan.progress();
         let here = scan.setting().map(|(number, _)| number);
         // Where one number answers at two settings, it is two drives; those that can be added have the usual setting.
-        let mut of_station = progress.findings.drives.iter().filter(|finding| finding.station == station);
-        let finding = of_station.clone().find(|finding| Some(finding.setting) == here).or_else(|| of_station.next());
-        let finding = finding.ok_or_else(|| Refused::NotThere(format!("no drive was found at station {station}")))?;
-        let fits = |id: &String| finding.verdict.fits.iter().find(|(model, _)| model.id == *id).map(|(model, _)| model);
+        let mut of_station = progress
+            .findings
+            .drives
+            .iter()
+            .filter(|finding| finding.station == station);
+        let finding = of_station
+            .clone()
+            .find(|finding| Some(finding.setting) == here)
+            .or_else(|| of_station.next());
+        let finding = finding
+            .ok_or_else(|| Refused::NotThere(format!("no drive was found at station {station}")))?;
+        let fits = |id: &String| {
+            finding
+                .verdict
+                .fits
+                .iter()
+                .find(|(model, _)| model.id == *id)
+                .map(|(model, _)| model)
+        };
         let models: Vec<Arc<Model>> = ids.iter().filter_map(fits).cloned().collect();
         if models.is_empty() || models.len() != ids.len() || models.len() > MODELS_MAX {
-            let what =
-                format!("1 to {MODELS_MAX} of the models that the scan names for station {station} are expected");
+            let what = format!(
+                "1 to {MODELS_MAX} of the models that the scan names for station {station} are expected"
+            );
             return Err(Refused::Wrong(what));
         }
         let setting = scan.plan().settings.get(finding.setting);
-        let setting = setting.ok_or_else(|| Refused::NotThere("the scan is out of date".to_owned()))?;
+        let setting =
+            setting.ok_or_else(|| Refused::NotThere("the scan is out of date".to_owned()))?;
         let mut asker = PortAsker::new(scan.port().clone());
         let read = async {
             asker.open(setting, &[station]).await?;
@@ -61,14 +82,21 @@ impl Commissioning {
         asker.close().await;
         drop(place);
         let heard = heard.map_err(|error| Refused::InTheWay(error.to_string()))?;
-        Ok(models.iter().map(|model| (model.id.clone(), shown(model, &heard))).collect())
+        Ok(models
+            .iter()
+            .map(|model| (model.id.clone(), shown(model, &heard)))
+            .collect())
     }
 }
 
 type HeardAt = BTreeMap<Address, Heard>;
 
 /// Reads what the values of all `models` consist of, each word once.
-async fn read(asker: &mut impl Asker, station: u8, models: &[Arc<Model>]) -> Result<HeardAt, ScanError> {
+async fn read(
+    asker: &mut impl Asker,
+    station: u8,
+    models: &[Arc<Model>],
+) -> Result<HeardAt, ScanError> {
     let mut heard = HeardAt::new();
     for register in models.iter().flat_map(|model| telling(model)) {
         if let Entry::Vacant(place) = heard.entry(register.address) {
@@ -80,18 +108,31 @@ async fn read(asker: &mut impl Asker, station: u8, models: &[Arc<Model>]) -> Res
 
 /// The meaning of a code, or a number with its unit.
 fn meant(register: &Register, word: impl Fn(Address) -> Option<u16>) -> Option<String> {
-    let meaning = word(register.address).and_then(|word| register.meaning(word)).map(str::to_owned);
-    let number = || register.value(&word).map(|value| format!("{value} {}", register.unit));
-    meaning.or_else(number).map(|text| text.trim_end_matches([' ', '-']).to_owned())
+    let meaning = word(register.address)
+        .and_then(|word| register.meaning(word))
+        .map(str::to_owned);
+    let number = || {
+        register
+            .value(&word)
+            .map(|value| format!("{value} {}", register.unit))
+    };
+    meaning
+        .or_else(number)
+        .map(|text| text.trim_end_matches([' ', '-']).to_owned())
 }
 
 /// The values that a panel is likely to show as well: in one word, measured ones first, then those that are polled most
 /// often.
 fn telling(model: &Model) -> Vec<&Register> {
-    let is_telling =
-        |it: &&Register| it.access.can_read() && it.form.words() == 1 && it.poll.is_some_and(PollClass::is_live);
+    let is_telling = |it: &&Register| {
+        it.access.can_read() && it.form.words() == 1 && it.poll.is_some_and(PollClass::is_live)
+    };
     let mut registers: Vec<_> = model.registers.iter().filter(is_telling).collect();
-    let place = |of: &Register| PollClass::ALL.iter().position(|class| of.poll == Some(*class));
+    let place = |of: &Register| {
+        PollClass::ALL
+            .iter()
+            .position(|class| of.poll == Some(*class))
+    };
     registers.sort_by_key(|register| (register.unit == UnitOfMeasure::None, place(register)));
     registers.truncate(VALUES_MAX);
     registers
@@ -109,7 +150,11 @@ fn shown(model: &Model, heard: &HeardAt) -> Vec<LiveValue> {
             Some(Heard::Damaged) => Err("damaged"),
             Some(Heard::Silent) | None => Err("no reply"),
         };
-        LiveValue { name: register.name.clone(), label: register.title.clone(), text }
+        LiveValue {
+            name: register.name.clone(),
+            label: register.title.clone(),
+            text,
+        }
     };
     telling(model).into_iter().map(value).collect()
 }
@@ -121,7 +166,10 @@ mod tests {
 
     #[test]
     fn every_model_has_values_to_compare_with_its_panel() {
-        let without = vendors::catalog().models().filter(|model| telling(model).is_empty()).count();
+        let without = vendors::catalog()
+            .models()
+            .filter(|model| telling(model).is_empty())
+            .count();
         assert_eq!(without, 0);
     }
 
@@ -130,11 +178,22 @@ mod tests {
         let catalog = vendors::catalog();
         let model = catalog.find("hyundai-n700").unwrap();
         let registers = telling(model);
-        let heard =
-            HeardAt::from([(registers[0].address, Heard::Word(5000)), (registers[1].address, Heard::Exception(2))]);
+        let heard = HeardAt::from([
+            (registers[0].address, Heard::Word(5000)),
+            (registers[1].address, Heard::Exception(2)),
+        ]);
         let shown = shown(model, &heard);
-        assert!(shown[0].text.as_ref().is_ok_and(|text| text.starts_with("50.00 ")), "{shown:?}");
+        assert!(
+            shown[0]
+                .text
+                .as_ref()
+                .is_ok_and(|text| text.starts_with("50.00 ")),
+            "{shown:?}"
+        );
         assert_eq!(shown[1].text, Err("refused"));
-        assert!(shown[2..].iter().all(|value| value.text == Err("no reply")), "{shown:?}");
+        assert!(
+            shown[2..].iter().all(|value| value.text == Err("no reply")),
+            "{shown:?}"
+        );
     }
 }

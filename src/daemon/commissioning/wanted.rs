@@ -52,21 +52,35 @@ pub struct WantedDrive {
 /// # Errors
 /// What is wrong.
 pub fn wanted(body: &[u8]) -> Result<(Wanted, Option<String>), Refused> {
-    let body: Value = serde_json::from_slice(body).map_err(|error| wrong(format!("no JSON: {error}")))?;
+    let body: Value =
+        serde_json::from_slice(body).map_err(|error| wrong(format!("no JSON: {error}")))?;
     let mut body = Table::new("", &body)?;
-    let digest = body.optional("digest").map(|value| text("digest", value)).transpose()?;
+    let digest = body
+        .optional("digest")
+        .map(|value| text("digest", value))
+        .transpose()?;
     let wanted = match body.optional("drive") {
-        Some(drive) => {
-            Wanted::Control { drive: text("drive", drive)?, control: control("control", body.required("control")?)? }
-        }
+        Some(drive) => Wanted::Control {
+            drive: text("drive", drive)?,
+            control: control("control", body.required("control")?)?,
+        },
         None => {
             let mut line = Table::new("line", body.required("line")?)?;
             let name = text("line.name", line.required("name")?)?;
             line.finish()?;
-            let drives = body.required("drives")?.as_array().filter(|it| (1..=DRIVES_MAX).contains(&it.len()));
-            let drives = drives.ok_or_else(|| wrong(format!("`drives` must be a list of 1 to {DRIVES_MAX}")))?;
-            let drives = (0..).zip(drives).map(|(at, it)| drive(&format!("drives[{at}]"), it));
-            Wanted::Line { name, drives: drives.collect::<Result<_, _>>()? }
+            let drives = body
+                .required("drives")?
+                .as_array()
+                .filter(|it| (1..=DRIVES_MAX).contains(&it.len()));
+            let drives = drives
+                .ok_or_else(|| wrong(format!("`drives` must be a list of 1 to {DRIVES_MAX}")))?;
+            let drives = (0..)
+                .zip(drives)
+                .map(|(at, it)| drive(&format!("drives[{at}]"), it));
+            Wanted::Line {
+                name,
+                drives: drives.collect::<Result<_, _>>()?,
+            }
         }
     };
     body.finish()?;
@@ -88,7 +102,10 @@ fn drive(place: &str, value: &Value) -> Result<WantedDrive, Refused> {
             .optional("full_scale_hz")
             .map(|value| frequency(&format!("{place}.full_scale_hz"), value))
             .transpose()?,
-        control: table.optional("control").map(|value| control(&format!("{place}.control"), value)).transpose()?,
+        control: table
+            .optional("control")
+            .map(|value| control(&format!("{place}.control"), value))
+            .transpose()?,
     };
     table.finish()?;
     Ok(drive)
@@ -97,14 +114,24 @@ fn drive(place: &str, value: &Value) -> Result<WantedDrive, Refused> {
 fn control(place: &str, value: &Value) -> Result<NewControl, Refused> {
     let mut table = Table::new(place, value)?;
     let at = |key: &str| format!("{place}.{key}");
-    let from = table.required("from")?.as_array().ok_or_else(|| wrong(format!("`{place}.from` must be a list")))?;
-    let from = from.iter().map(|it| text(&at("from"), it)).collect::<Result<Vec<_>, _>>()?;
+    let from = table
+        .required("from")?
+        .as_array()
+        .ok_or_else(|| wrong(format!("`{place}.from` must be a list")))?;
+    let from = from
+        .iter()
+        .map(|it| text(&at("from"), it))
+        .collect::<Result<Vec<_>, _>>()?;
     let least = frequency(&at("min_frequency_hz"), table.required("min_frequency_hz")?)?;
     let most = frequency(&at("max_frequency_hz"), table.required("max_frequency_hz")?)?;
     let has_reverse = match table.required("directions")?.as_str() {
         Some("forward") => false,
         Some("both") => true,
-        _ => return Err(wrong(format!("`{place}.directions` must be \"forward\" or \"both\""))),
+        _ => {
+            return Err(wrong(format!(
+                "`{place}.directions` must be \"forward\" or \"both\""
+            )));
+        }
     };
     let mut action = |key: &'static str| {
         let word = text(&at(key), table.required(key)?)?;
@@ -112,33 +139,59 @@ fn control(place: &str, value: &Value) -> Result<NewControl, Refused> {
         if known.contains(&word.as_str()) {
             return Ok(word);
         }
-        Err(wrong(format!("`{place}.{key}` must be one of {}", known.join(", "))))
+        Err(wrong(format!(
+            "`{place}.{key}` must be one of {}",
+            known.join(", ")
+        )))
     };
     let (on_commander_lost, on_shutdown) = (action("on_commander_lost")?, action("on_shutdown")?);
-    let lost_after = table.required("lost_after_s")?.as_u64().filter(|it| (1..=LOST_AFTER_MAX_S).contains(it));
-    let lost_after =
-        lost_after.ok_or_else(|| wrong(format!("`{place}.lost_after_s` must be from 1 to {LOST_AFTER_MAX_S}")))?;
+    let lost_after = table
+        .required("lost_after_s")?
+        .as_u64()
+        .filter(|it| (1..=LOST_AFTER_MAX_S).contains(it));
+    let lost_after = lost_after.ok_or_else(|| {
+        wrong(format!(
+            "`{place}.lost_after_s` must be from 1 to {LOST_AFTER_MAX_S}"
+        ))
+    })?;
     let accepts_unproven = match table.optional("accept_unverified") {
         None => false,
-        Some(value) => {
-            value.as_bool().ok_or_else(|| wrong(format!("`{place}.accept_unverified` must be true or false")))?
-        }
+        Some(value) => value
+            .as_bool()
+            .ok_or_else(|| wrong(format!("`{place}.accept_unverified` must be true or false")))?,
     };
     table.finish()?;
     let lost_after = format!("{lost_after}s");
     let limits_hz = (least, most);
-    Ok(NewControl { from, limits_hz, has_reverse, on_commander_lost, lost_after, on_shutdown, accepts_unproven })
+    Ok(NewControl {
+        from,
+        limits_hz,
+        has_reverse,
+        on_commander_lost,
+        lost_after,
+        on_shutdown,
+        accepts_unproven,
+    })
 }
 
 fn frequency(place: &str, value: &Value) -> Result<f64, Refused> {
-    let hz = value.as_f64().filter(|hz| (0.0..=FREQUENCY_MAX_HZ).contains(hz));
-    hz.ok_or_else(|| wrong(format!("`{place}` must be a frequency from 0 to {FREQUENCY_MAX_HZ} Hz")))
+    let hz = value
+        .as_f64()
+        .filter(|hz| (0.0..=FREQUENCY_MAX_HZ).contains(hz));
+    hz.ok_or_else(|| {
+        wrong(format!(
+            "`{place}` must be a frequency from 0 to {FREQUENCY_MAX_HZ} Hz"
+        ))
+    })
 }
 
 /// A text that stands in one line of a file, without control characters.
 fn text(place: &str, value: &Value) -> Result<String, Refused> {
-    let text = value.as_str().filter(|text| text.len() <= 256 && !text.chars().any(char::is_control));
-    text.map(str::to_owned).ok_or_else(|| wrong(format!("`{place}` must be a text of one line")))
+    let text = value
+        .as_str()
+        .filter(|text| text.len() <= 256 && !text.chars().any(char::is_control));
+    text.map(str::to_owned)
+        .ok_or_else(|| wrong(format!("`{place}` must be a text of one line")))
 }
 
 fn wrong(what: String) -> Refused {
@@ -154,8 +207,17 @@ struct Table<'v> {
 
 impl<'v> Table<'v> {
     fn new(place: &str, value: &'v Value) -> Result<Self, Refused> {
-        let object = || wrong(format!("{} must be an object", if place.is_empty() { "the body" } else { place }));
-        Ok(Self { place: place.to_owned(), keys: value.as_object().ok_or_else(object)?, taken: Vec::new() })
+        let object = || {
+            wrong(format!(
+                "{} must be an object",
+                if place.is_empty() { "the body" } else { place }
+            ))
+        };
+        Ok(Self {
+            place: place.to_owned(),
+            keys: value.as_object().ok_or_else(object)?,
+            taken: Vec::new(),
+        })
     }
 
     /// The value of `key`, unless it is absent or null.
@@ -165,16 +227,25 @@ impl<'v> Table<'v> {
     }
 
     fn required(&mut self, key: &'static str) -> Result<&'v Value, Refused> {
-        self.optional(key).ok_or_else(|| wrong(format!("`{}` is missing", self.path(key))))
+        self.optional(key)
+            .ok_or_else(|| wrong(format!("`{}` is missing", self.path(key))))
     }
 
     fn path(&self, key: &str) -> String {
-        if self.place.is_empty() { key.to_owned() } else { format!("{}.{key}", self.place) }
+        if self.place.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.place)
+        }
     }
 
     /// Refuses keys that were not taken.
     fn finish(self) -> Result<(), Refused> {
-        match self.keys.keys().find(|key| !self.taken.contains(&key.as_str())) {
+        match self
+            .keys
+            .keys()
+            .find(|key| !self.taken.contains(&key.as_str()))
+        {
             Some(key) => Err(wrong(format!("`{}` is not known here", self.path(key)))),
             None => Ok(()),
         }
@@ -198,19 +269,35 @@ mod tests {
     }
 
     fn why(body: &Value) -> String {
-        wanted(body.to_string().as_bytes()).map(drop).unwrap_err().to_string()
+        wanted(body.to_string().as_bytes())
+            .map(drop)
+            .unwrap_err()
+            .to_string()
     }
 
     #[test]
     fn a_line_or_the_control_of_a_drive_is_wanted() {
-        let mut body =
-            line(json!({ "name": "p1", "station": 1, "model": "m", "full_scale_hz": null, "control": rules() }));
+        let mut body = line(
+            json!({ "name": "p1", "station": 1, "model": "m", "full_scale_hz": null, "control": rules() }),
+        );
         body["digest"] = "d".into();
         let (found, digest) = wanted(body.to_string().as_bytes()).unwrap();
-        let Wanted::Line { name, drives } = found else { panic!("a line") };
+        let Wanted::Line { name, drives } = found else {
+            panic!("a line")
+        };
         let control = drives[0].control.clone().unwrap();
-        assert_eq!((name.as_str(), drives.len(), digest.as_deref()), ("hall-1", 1, Some("d")));
-        assert_eq!((control.limits_hz, control.has_reverse, control.lost_after.as_str()), ((5.0, 50.5), true, "10s"));
+        assert_eq!(
+            (name.as_str(), drives.len(), digest.as_deref()),
+            ("hall-1", 1, Some("d"))
+        );
+        assert_eq!(
+            (
+                control.limits_hz,
+                control.has_reverse,
+                control.lost_after.as_str()
+            ),
+            ((5.0, 50.5), true, "10s")
+        );
         assert!(!control.accepts_unproven, "it is asked for, never assumed");
         let given = json!({ "drive": "p1", "control": rules() });
         assert!(
@@ -223,28 +310,61 @@ mod tests {
         for key in rules().as_object().unwrap().keys() {
             let mut rules = rules();
             rules.as_object_mut().unwrap().remove(key);
-            assert_eq!(why(&json!({ "drive": "p1", "control": rules })), format!("`control.{key}` is missing"));
+            assert_eq!(
+                why(&json!({ "drive": "p1", "control": rules })),
+                format!("`control.{key}` is missing")
+            );
         }
         let with = |key: &str, value: Value| {
             let mut rules = rules();
             rules[key] = value;
-            why(&line(json!({ "name": "p1", "station": 1, "model": "m", "control": rules })))
+            why(&line(
+                json!({ "name": "p1", "station": 1, "model": "m", "control": rules }),
+            ))
         };
         for (key, value, part) in [
-            ("on_shutdown", json!("halt"), "must be one of stop, coast, hold"),
-            ("max_frequency_hz", json!("50"), "a frequency from 0 to 1000 Hz"),
-            ("max_frequency_hz", json!(1e9), "a frequency from 0 to 1000 Hz"),
+            (
+                "on_shutdown",
+                json!("halt"),
+                "must be one of stop, coast, hold",
+            ),
+            (
+                "max_frequency_hz",
+                json!("50"),
+                "a frequency from 0 to 1000 Hz",
+            ),
+            (
+                "max_frequency_hz",
+                json!(1e9),
+                "a frequency from 0 to 1000 Hz",
+            ),
             ("lost_after_s", json!(0), "from 1 to 86400"),
             ("directions", json!("reverse"), "\"forward\" or \"both\""),
-            ("takes", json!(true), "`drives[0].control.takes` is not known here"),
+            (
+                "takes",
+                json!(true),
+                "`drives[0].control.takes` is not known here",
+            ),
         ] {
             let found = with(key, value);
-            assert!(found.contains(part) && found.contains("drives[0].control"), "{found}");
+            assert!(
+                found.contains(part) && found.contains("drives[0].control"),
+                "{found}"
+            );
         }
         for (body, part) in [
-            (line(json!({ "name": "a\nb", "station": 1, "model": "m" })), "a text of one line"),
-            (line(json!({ "name": "a", "station": 248, "model": "m" })), "from 1 to 247"),
-            (json!({ "line": { "name": "a" }, "drives": [] }), "a list of 1 to 247"),
+            (
+                line(json!({ "name": "a\nb", "station": 1, "model": "m" })),
+                "a text of one line",
+            ),
+            (
+                line(json!({ "name": "a", "station": 248, "model": "m" })),
+                "from 1 to 247",
+            ),
+            (
+                json!({ "line": { "name": "a" }, "drives": [] }),
+                "a list of 1 to 247",
+            ),
             (json!([]), "the body must be an object"),
         ] {
             assert!(why(&body).contains(part), "{}", why(&body));

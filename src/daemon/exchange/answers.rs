@@ -84,7 +84,8 @@ impl Answers {
         let now = clock::now();
         let before = self.held.len();
         let may_go = |held: &mut Held| held.origin.has_kept(held.row) || held.until <= now;
-        self.ready.extend(self.held.extract_if(.., may_go).map(|held| held.news));
+        self.ready
+            .extend(self.held.extract_if(.., may_go).map(|held| held.news));
         self.held.len() < before
     }
 }

@@ -40,7 +40,11 @@ impl Board {
     #[must_use]
     pub fn new(line: Arc<SharedLine>, changed: Arc<Bell>, north: NorthSides) -> Self {
         let journal = north.journal.as_ref().map(|journal| {
-            let drives = line.drives.iter().map(|drive| drive.description.clone()).collect();
+            let drives = line
+                .drives
+                .iter()
+                .map(|drive| drive.description.clone())
+                .collect();
             LineRows::new(journal.line(line.name.clone(), drives, Arc::clone(&line.inbox)))
         });
         let is_watched = false;
@@ -49,7 +53,18 @@ impl Board {
         let mqtt = Vec::new();
         let sparkplug = Vec::new();
         let local = Vec::new();
-        Self { line, changed, north, journal, is_watched, traffic, modbus, mqtt, sparkplug, local }
+        Self {
+            line,
+            changed,
+            north,
+            journal,
+            is_watched,
+            traffic,
+            modbus,
+            mqtt,
+            sparkplug,
+            local,
+        }
     }
 
     /// The way into the line.
@@ -85,7 +100,11 @@ impl Board {
     pub fn note(&mut self, message: &Message) {
         if let Some(journal) = &mut self.journal {
             let drives = &self.line.drives;
-            journal.note(message, |drive| drives.get(drive.get()).map(|drive| &drive.description.model));
+            journal.note(message, |drive| {
+                drives
+                    .get(drive.get())
+                    .map(|drive| &drive.description.model)
+            });
         }
     }
 
@@ -117,7 +136,13 @@ impl Board {
         if self.journal.is_some() {
             return;
         }
-        self.tell(News::Trip(DriveRef { line: self.line.number, drive }, event));
+        self.tell(News::Trip(
+            DriveRef {
+                line: self.line.number,
+                drive,
+            },
+            event,
+        ));
     }
 
     /// Publishes what has changed in this round. Views before answers: a client that receives a confirmation finds the
@@ -142,13 +167,18 @@ impl Board {
         has_changed |= role(&report) != role(&before);
         if report.state != before.state {
             has_changed = true;
-            self.journal.iter().for_each(|journal| journal.source().state(&report));
+            self.journal
+                .iter()
+                .for_each(|journal| journal.source().state(&report));
         }
         self.line.set_report(report);
         self.line.traffic.take_over(&mut self.traffic);
         self.north.modbus.put(&mut self.modbus);
         self.north.local.put(&mut self.local);
-        for (side, news) in [(&self.north.mqtt, &mut self.mqtt), (&self.north.sparkplug, &mut self.sparkplug)] {
+        for (side, news) in [
+            (&self.north.mqtt, &mut self.mqtt),
+            (&self.north.sparkplug, &mut self.sparkplug),
+        ] {
             if let Some(side) = side {
                 side.put(news);
             }

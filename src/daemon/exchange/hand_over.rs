@@ -54,14 +54,24 @@ impl HandOver {
         match self {
             Self::HandedOver => "another gateway sends on the line now".to_owned(),
             Self::TakenBack => {
-                format!("no other gateway took the line over: this one takes it back; does {partner} run?")
+                format!(
+                    "no other gateway took the line over: this one takes it back; does {partner} run?"
+                )
             }
             Self::NoOther => {
-                format!("no other gateway answers on the line: nothing has changed; does {partner} run, and listen?")
+                format!(
+                    "no other gateway answers on the line: nothing has changed; does {partner} run, and listen?"
+                )
             }
-            Self::NoAnswer => "the line was not given up in time: orders were under way all the while".to_owned(),
-            Self::NotActive => "this gateway does not send on the line: there is nothing to hand over".to_owned(),
-            Self::Alone => "the line has no second gateway: `standby` is not true in its `[[line]]`".to_owned(),
+            Self::NoAnswer => {
+                "the line was not given up in time: orders were under way all the while".to_owned()
+            }
+            Self::NotActive => {
+                "this gateway does not send on the line: there is nothing to hand over".to_owned()
+            }
+            Self::Alone => {
+                "the line has no second gateway: `standby` is not true in its `[[line]]`".to_owned()
+            }
             Self::QueueFull => "too many requests wait for the line".to_owned(),
         }
     }
@@ -97,7 +107,9 @@ impl Asked {
         let at = Instant::now();
         let is_late = at >= self.until;
         match now {
-            Some(now) if now.role == LineRole::Listening && now.hears_other => Some(HandOver::HandedOver),
+            Some(now) if now.role == LineRole::Listening && now.hears_other => {
+                Some(HandOver::HandedOver)
+            }
             Some(now) if now.role == LineRole::Listening => is_late.then_some(HandOver::TakenBack),
             Some(now) if now.take_overs > self.begun.take_overs => Some(HandOver::TakenBack),
             Some(now) if now.kept > self.begun.kept => Some(HandOver::NoOther),
@@ -133,9 +145,18 @@ pub async fn hand_over(lines: &[Arc<SharedLine>]) -> Vec<(Arc<SharedLine>, HandO
 fn begin(line: &Arc<SharedLine>) -> Result<Asked, HandOver> {
     let share = line.standby.as_ref().ok_or(HandOver::Alone)?;
     let report = line.report().standby;
-    let begun = report.filter(|report| report.role == LineRole::Active).ok_or(HandOver::NotActive)?;
+    let begun = report
+        .filter(|report| report.role == LineRole::Active)
+        .ok_or(HandOver::NotActive)?;
     let given_up_by = Instant::now() + GIVEN_UP_WITHIN;
     let until = given_up_by + longest(share);
-    line.inbox.put(Message::Yield).map_err(|_| HandOver::QueueFull)?;
-    Ok(Asked { line: Arc::clone(line), begun, given_up_by, until })
+    line.inbox
+        .put(Message::Yield)
+        .map_err(|_| HandOver::QueueFull)?;
+    Ok(Asked {
+        line: Arc::clone(line),
+        begun,
+        given_up_by,
+        until,
+    })
 }

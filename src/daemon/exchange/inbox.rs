@@ -92,13 +92,22 @@ impl Waiting {
 
     /// Drops all messages except those that stay. Orders among them were never accepted.
     fn make_room(&mut self) {
-        let dropped: Vec<_> = self.messages.extract_if(.., |message| !stays(message)).collect();
+        let dropped: Vec<_> = self
+            .messages
+            .extract_if(.., |message| !stays(message))
+            .collect();
         // Wrapping: one less.
-        dropped.iter().filter_map(Message::orders).for_each(|drive| self.count(drive, u64::MAX));
+        dropped
+            .iter()
+            .filter_map(Message::orders)
+            .for_each(|drive| self.count(drive, u64::MAX));
     }
 
     fn count(&mut self, drive: DriveIndex, more: u64) {
-        self.orders.get_mut(drive.get()).into_iter().for_each(|orders| *orders = orders.wrapping_add(more));
+        self.orders
+            .get_mut(drive.get())
+            .into_iter()
+            .for_each(|orders| *orders = orders.wrapping_add(more));
     }
 }
 
@@ -106,7 +115,9 @@ impl Message {
     /// The drive for which it is an order or a write; `None` if it is neither, or only renews a lease.
     fn orders(&self) -> Option<DriveIndex> {
         match self {
-            Self::Native(request) | Self::NativeStop(request) => request.writes().then_some(request.drive),
+            Self::Native(request) | Self::NativeStop(request) => {
+                request.writes().then_some(request.drive)
+            }
             Self::Command(command) => (!command.order.is_no_attempt()).then_some(command.drive),
             _ => None,
         }
@@ -232,8 +243,13 @@ const fn stays(message: &Message) -> bool {
 
 const fn room_for(message: &Message) -> usize {
     match message {
-        Message::Native(NativeRequest { ask: NativeAsk::Read { .. }, .. }) => INBOX_MAX,
-        message if stays(message) || matches!(message, Message::Kept(_)) => INBOX_MAX + COMMANDS_MAX + STOPS_MAX,
+        Message::Native(NativeRequest {
+            ask: NativeAsk::Read { .. },
+            ..
+        }) => INBOX_MAX,
+        message if stays(message) || matches!(message, Message::Kept(_)) => {
+            INBOX_MAX + COMMANDS_MAX + STOPS_MAX
+        }
         Message::AskerGone(_) => INBOX_MAX + COMMANDS_MAX + GONE_MAX,
         _ => INBOX_MAX + COMMANDS_MAX,
     }
@@ -253,13 +269,30 @@ mod tests {
 
     /// A write that stops.
     fn stop() -> Message {
-        let origin = Origin { owner: Owner::Mqtt, rights: Rights { write: true, stop: true }, manner: Manner::Once };
-        let ask = NativeAsk::Write { address: 2_u16.into(), values: vec![0] };
+        let origin = Origin {
+            owner: Owner::Mqtt,
+            rights: Rights {
+                write: true,
+                stop: true,
+            },
+            manner: Manner::Once,
+        };
+        let ask = NativeAsk::Write {
+            address: 2_u16.into(),
+            values: vec![0],
+        };
         let asker = AskerId(1);
         let ticket = Ticket(1);
         let drive = DriveIndex(0);
         let deadline = MonoTime::NEVER;
-        Message::NativeStop(NativeRequest { asker, ticket, drive, origin, ask, deadline })
+        Message::NativeStop(NativeRequest {
+            asker,
+            ticket,
+            drive,
+            origin,
+            ask,
+            deadline,
+        })
     }
 
     #[test]
@@ -277,12 +310,22 @@ mod tests {
         let inbox = Inbox::default();
         let orders = || [0, 1].map(|drive| inbox.orders(DriveIndex(drive)));
         let write = |drive: u16| {
-            let Message::NativeStop(request) = stop() else { panic!("a stop") };
-            Message::Native(NativeRequest { drive: DriveIndex(drive), ..request })
+            let Message::NativeStop(request) = stop() else {
+                panic!("a stop")
+            };
+            Message::Native(NativeRequest {
+                drive: DriveIndex(drive),
+                ..request
+            })
         };
         let read = |drive: u16| {
-            let Message::Native(request) = write(drive) else { panic!("a write") };
-            let ask = NativeAsk::Read { address: 2_u16.into(), count: 1 };
+            let Message::Native(request) = write(drive) else {
+                panic!("a write")
+            };
+            let ask = NativeAsk::Read {
+                address: 2_u16.into(),
+                count: 1,
+            };
             Message::Native(NativeRequest { ask, ..request })
         };
         inbox.put(read(0)).unwrap();
@@ -323,7 +366,11 @@ mod tests {
         for _ in 0..GONE_MAX {
             inbox.put(GONE).unwrap();
         }
-        assert_eq!(inbox.put(GONE), Err(Full), "however many clients leave, stops find room");
+        assert_eq!(
+            inbox.put(GONE),
+            Err(Full),
+            "however many clients leave, stops find room"
+        );
         for _ in GONE_MAX..STOPS_MAX {
             inbox.put(Message::Kept(RowNumber::default())).unwrap();
         }
@@ -331,7 +378,10 @@ mod tests {
         inbox.put_surely(Message::Shutdown);
         let mut batch = Vec::new();
         inbox.take(&mut batch);
-        assert!(matches!(batch.as_slice(), [Message::Shutdown]), "whoever floods the line does not keep its end out");
+        assert!(
+            matches!(batch.as_slice(), [Message::Shutdown]),
+            "whoever floods the line does not keep its end out"
+        );
     }
 
     #[test]
@@ -346,7 +396,10 @@ mod tests {
         let mut batch = Vec::new();
         inbox.take(&mut batch);
         let (stops, rest) = batch.split_at(STOPS_MAX);
-        assert!(stops.iter().all(|it| matches!(it, Message::NativeStop(_))), "of which somebody waits for the answer");
+        assert!(
+            stops.iter().all(|it| matches!(it, Message::NativeStop(_))),
+            "of which somebody waits for the answer"
+        );
         assert!(matches!(rest, [Message::Shutdown, Message::Hurry]));
     }
 
@@ -367,7 +420,10 @@ mod tests {
                     while inbox.lock().messages.len() > STOPS_MAX - TOGETHER {
                         std::thread::yield_now();
                     }
-                    assert_eq!(inbox.put_together((0..TOGETHER).map(slow_stop)), [true; TOGETHER]);
+                    assert_eq!(
+                        inbox.put_together((0..TOGETHER).map(slow_stop)),
+                        [true; TOGETHER]
+                    );
                 }
             });
             let mut found = 0;

@@ -17,13 +17,24 @@ impl Keeper {
     /// Hands them on to `journal`.
     #[must_use]
     pub fn new(journal: Journal) -> Self {
-        Self { journal, last: AtomicU64::default() }
+        Self {
+            journal,
+            last: AtomicU64::default(),
+        }
     }
 
     /// Keeps what `owner` tried. `drive` is `None` if it was for all drives or for one that does not exist.
     pub fn keep(&self, drive: Option<DriveRef>, owner: Owner, tried: Tried, report: Report) {
         let Some(journal) = &self.journal else { return };
         let id = AttemptId(self.last.fetch_add(1, Ordering::Relaxed) + 1);
-        journal.keep(drive, Attempt { id, owner, tried, report: Some(report) });
+        journal.keep(
+            drive,
+            Attempt {
+                id,
+                owner,
+                tried,
+                report: Some(report),
+            },
+        );
     }
 }

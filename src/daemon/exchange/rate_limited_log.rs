@@ -18,7 +18,11 @@ impl RateLimitedLog {
     /// Logs `what`, or counts it as left out.
     pub fn say(&self, what: &str) {
         let now = Instant::now();
-        if self.last.get().is_some_and(|last| now.duration_since(last) < TELL_EVERY) {
+        if self
+            .last
+            .get()
+            .is_some_and(|last| now.duration_since(last) < TELL_EVERY)
+        {
             self.unsaid.set(self.unsaid.get() + 1);
             return;
         }

@@ -28,14 +28,25 @@ impl Units {
     /// The units of the drives in `shared`. The gateway counts its time from here.
     #[must_use]
     pub fn new(shared: &Arc<Shared>) -> Self {
-        let uniform = shared.drives.iter().map(|drive| Uniform::new(&drive.description)).collect();
-        Self { shared: Arc::clone(shared), uniform, started: clock::now() }
+        let uniform = shared
+            .drives
+            .iter()
+            .map(|drive| Uniform::new(&drive.description))
+            .collect();
+        Self {
+            shared: Arc::clone(shared),
+            uniform,
+            started: clock::now(),
+        }
     }
 
     /// The units of the same gateway after a change of its configuration.
     #[must_use]
     pub fn changed_to(&self, shared: &Arc<Shared>) -> Self {
-        Self { started: self.started, ..Self::new(shared) }
+        Self {
+            started: self.started,
+            ..Self::new(shared)
+        }
     }
 }
 
@@ -87,13 +98,16 @@ impl Router {
     /// The routes of `listener`. If a native and a uniform unit have the same number, the native one wins.
     #[must_use]
     pub fn new(listener: &ListenerSettings, units: Units) -> Self {
-        let serves: Vec<bool> = (0..units.shared.lines.len()).map(|line| listener.serves(line)).collect();
+        let serves: Vec<bool> = (0..units.shared.lines.len())
+            .map(|line| listener.serves(line))
+            .collect();
         let lines = serves.iter().zip(&units.shared.lines);
         let answers = |drive: &SharedDrive| {
             let drive = &drive.description;
             listener.answers_at(drive.unit) || listener.answers_at(drive.uniform_unit)
         };
-        let drives = lines.flat_map(|(serves, line)| line.drives.iter().map(|drive| *serves && answers(drive)));
+        let drives = lines
+            .flat_map(|(serves, line)| line.drives.iter().map(|drive| *serves && answers(drive)));
         let serves_drive: Vec<bool> = drives.collect();
         let mut routes = [None; UNITS];
         let drives = || {
@@ -106,11 +120,19 @@ impl Router {
                 *entry = Some(route);
             }
         };
-        drives().for_each(|(place, drive)| lead(drive.description.uniform_unit.get(), Route::Uniform(place)));
-        drives().for_each(|(place, drive)| lead(drive.description.unit.get(), Route::Native(place)));
+        drives().for_each(|(place, drive)| {
+            lead(drive.description.uniform_unit.get(), Route::Uniform(place))
+        });
+        drives()
+            .for_each(|(place, drive)| lead(drive.description.unit.get(), Route::Native(place)));
         lead(own::UNIT, Route::Own);
         lead(own::BROADCAST, Route::Own);
-        Self { units, routes, serves, serves_drive }
+        Self {
+            units,
+            routes,
+            serves,
+            serves_drive,
+        }
     }
 
     /// Lines and drives.
@@ -133,7 +155,9 @@ impl Router {
     #[must_use]
     pub fn drive_of(&self, unit: u8) -> Option<DriveRef> {
         match self.routes.get(usize::from(unit)).copied().flatten()? {
-            Route::Native(place) | Route::Uniform(place) => Some(self.drive_at(place)?.shared.description.place),
+            Route::Native(place) | Route::Uniform(place) => {
+                Some(self.drive_at(place)?.shared.description.place)
+            }
             Route::Own => None,
         }
     }
@@ -142,12 +166,12 @@ impl Router {
     #[must_use]
     pub fn is_stop(&self, unit: u8, ask: &Ask) -> bool {
         match self.routes.get(usize::from(unit)).copied().flatten() {
-            Some(Route::Native(place)) => {
-                self.drive_at(place).is_some_and(|drive| native::is_stop(&drive.shared.description.model, ask))
-            }
-            Some(Route::Uniform(place)) => {
-                self.drive_at(place).is_some_and(|drive| drive.unit.is_stop(ask, &drive.shared.view.load()))
-            }
+            Some(Route::Native(place)) => self
+                .drive_at(place)
+                .is_some_and(|drive| native::is_stop(&drive.shared.description.model, ask)),
+            Some(Route::Uniform(place)) => self
+                .drive_at(place)
+                .is_some_and(|drive| drive.unit.is_stop(ask, &drive.shared.view.load())),
             Some(Route::Own) => own::is_stop(unit, ask),
             None => false,
         }
@@ -170,13 +194,22 @@ impl Router {
 
     /// The inboxes of all lines.
     pub fn inboxes(&self) -> impl Iterator<Item = &Inbox> {
-        self.units.shared.lines.iter().map(|line| line.inbox.as_ref())
+        self.units
+            .shared
+            .lines
+            .iter()
+            .map(|line| line.inbox.as_ref())
     }
 
     fn drive_at(&self, place: usize) -> Option<Drive<'_>> {
         let shared = self.units.shared.drives.get(place)?;
         let unit = self.units.uniform.get(place)?;
-        Some(Drive { place, unit, shared, inbox: &shared.inbox })
+        Some(Drive {
+            place,
+            unit,
+            shared,
+            inbox: &shared.inbox,
+        })
     }
 
     fn serves_drive(&self, place: usize) -> bool {
@@ -191,7 +224,12 @@ impl own::Gateway for Router {
 
     fn line(&self, place: usize) -> Option<LineReport> {
         let is_served = self.serves.get(place) == Some(&true);
-        self.units.shared.lines.get(place).filter(|_| is_served).map(|line| line.report())
+        self.units
+            .shared
+            .lines
+            .get(place)
+            .filter(|_| is_served)
+            .map(|line| line.report())
     }
 
     fn drives(&self) -> usize {

@@ -93,19 +93,33 @@ impl Shared {
     /// These lines with their drives.
     #[must_use]
     pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Bell>) -> Self {
-        Self { drives: lines.iter().flat_map(|line| line.drives.iter().cloned()).collect(), lines, changed }
+        Self {
+            drives: lines
+                .iter()
+                .flat_map(|line| line.drives.iter().cloned())
+                .collect(),
+            lines,
+            changed,
+        }
     }
 
     /// How their line sees the drives of the line at `place`, in order.
     pub fn stations(&self, place: usize) -> impl Iterator<Item = Arc<StationReport>> + '_ {
-        let drives = self.lines.get(place).into_iter().flat_map(|line| &line.drives);
+        let drives = self
+            .lines
+            .get(place)
+            .into_iter()
+            .flat_map(|line| &line.drives);
         drives.map(|drive| drive.station.load_full())
     }
 
     /// The line of the drive at `place`.
     #[must_use]
     pub fn line(&self, place: DriveRef) -> Option<&SharedLine> {
-        self.lines.iter().find(|line| line.number == place.line).map(Arc::as_ref)
+        self.lines
+            .iter()
+            .find(|line| line.number == place.line)
+            .map(Arc::as_ref)
     }
 
     /// The inbox of the line of the drive at `place`.
@@ -121,14 +135,24 @@ impl Shared {
         let mut taken = vec![false; commands.len()];
         let mut by_line = BTreeMap::<u16, Vec<(usize, DriveRef, CommandRequest)>>::new();
         for (index, (place, command)) in commands.into_iter().enumerate() {
-            by_line.entry(place.line).or_default().push((index, place, command));
+            by_line
+                .entry(place.line)
+                .or_default()
+                .push((index, place, command));
         }
         for of_line in by_line.into_values() {
-            let Some(inbox) = of_line.first().and_then(|(_, place, _)| self.inbox(*place)) else { continue };
+            let Some(inbox) = of_line.first().and_then(|(_, place, _)| self.inbox(*place)) else {
+                continue;
+            };
             let indices: Vec<_> = of_line.iter().map(|(index, ..)| *index).collect();
-            let messages = of_line.into_iter().map(|(.., command)| Message::Command(command));
+            let messages = of_line
+                .into_iter()
+                .map(|(.., command)| Message::Command(command));
             for (index, is_taken) in indices.into_iter().zip(inbox.put_together(messages)) {
-                taken.get_mut(index).into_iter().for_each(|it| *it = is_taken);
+                taken
+                    .get_mut(index)
+                    .into_iter()
+                    .for_each(|it| *it = is_taken);
             }
         }
         taken
@@ -150,7 +174,13 @@ impl SharedLine {
             let view = ArcSwap::default();
             let station = ArcSwap::default();
             let (inbox, role) = (Arc::clone(&inbox), Arc::clone(&role));
-            Arc::new(SharedDrive { description, view, station, inbox, role })
+            Arc::new(SharedDrive {
+                description,
+                view,
+                station,
+                inbox,
+                role,
+            })
         };
         let drives = drives.into_iter().map(drive).collect();
         let report = Mutex::default();
@@ -159,7 +189,20 @@ impl SharedLine {
         let wiring = Wiring::default();
         let traffic = Traffic::default();
         let standby = None;
-        Self { number, name, interface, wiring, standby, inbox, drives, traffic, role, report, rounds, hangs }
+        Self {
+            number,
+            name,
+            interface,
+            wiring,
+            standby,
+            inbox,
+            drives,
+            traffic,
+            role,
+            report,
+            rounds,
+            hangs,
+        }
     }
 
     /// The same line with another gateway on it, if there is one.
@@ -177,7 +220,10 @@ impl SharedLine {
     /// The line as of its last round.
     #[must_use]
     pub fn report(&self) -> LineReport {
-        self.report.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.report
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Replaces the last report.

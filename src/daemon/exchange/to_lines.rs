@@ -8,8 +8,16 @@ use crate::drive::description::DriveRef;
 use crate::north::broker::ToLine;
 
 /// Passes `requests` of `owner` to the lines, in order. Returns the tickets that no line accepted.
-pub fn hand_over(shared: &Shared, owner: Owner, requests: impl IntoIterator<Item = ToLine>) -> Vec<Ticket> {
-    let mut way = Way { shared, stops: Vec::new(), refused: Vec::new() };
+pub fn hand_over(
+    shared: &Shared,
+    owner: Owner,
+    requests: impl IntoIterator<Item = ToLine>,
+) -> Vec<Ticket> {
+    let mut way = Way {
+        shared,
+        stops: Vec::new(),
+        refused: Vec::new(),
+    };
     for request in requests {
         way.take(owner, request);
     }
@@ -27,12 +35,18 @@ struct Way<'s> {
 impl Way<'_> {
     fn take(&mut self, owner: Owner, request: ToLine) {
         match request {
-            ToLine::Command(place, command) if command.order.is_stop() => return self.stops.push((place, command)),
+            ToLine::Command(place, command) if command.order.is_stop() => {
+                return self.stops.push((place, command));
+            }
             _ => self.put_stops(),
         }
         match request {
-            ToLine::Command(place, command) => self.put(place, command.ticket, Message::Command(command)),
-            ToLine::Read(place, request) => self.put(place, request.ticket, Message::Native(request)),
+            ToLine::Command(place, command) => {
+                self.put(place, command.ticket, Message::Command(command))
+            }
+            ToLine::Read(place, request) => {
+                self.put(place, request.ticket, Message::Native(request))
+            }
             ToLine::PathAlive => self.tell_all(&|| Message::PathAlive(owner)),
             ToLine::PathOpened => self.tell_all(&|| Message::PathOpened(owner)),
         }
@@ -43,12 +57,18 @@ impl Way<'_> {
         let stops = std::mem::take(&mut self.stops);
         let tickets: Vec<_> = stops.iter().map(|(_, command)| command.ticket).collect();
         let taken = self.shared.put_together(stops);
-        let refused = tickets.into_iter().zip(taken).filter(|(_, is_taken)| !is_taken);
+        let refused = tickets
+            .into_iter()
+            .zip(taken)
+            .filter(|(_, is_taken)| !is_taken);
         self.refused.extend(refused.map(|(ticket, _)| ticket));
     }
 
     fn put(&mut self, place: DriveRef, ticket: Ticket, message: Message) {
-        let is_taken = self.shared.inbox(place).is_some_and(|inbox| inbox.put(message).is_ok());
+        let is_taken = self
+            .shared
+            .inbox(place)
+            .is_some_and(|inbox| inbox.put(message).is_ok());
         if !is_taken {
             self.refused.push(ticket);
         }

@@ -66,7 +66,10 @@ impl ReadTotals {
     /// Of the listener called `listener`.
     #[must_use]
     pub fn new(listener: String) -> Self {
-        Self { listener, ..Self::default() }
+        Self {
+            listener,
+            ..Self::default()
+        }
     }
 
     /// The name of the listener: its address, or that of the serial master.
@@ -124,7 +127,10 @@ impl SerialTotals {
     /// Of the port of `master`.
     #[must_use]
     pub fn new(master: String) -> Self {
-        Self { master, ..Self::default() }
+        Self {
+            master,
+            ..Self::default()
+        }
     }
 
     /// The master's name.
@@ -186,10 +192,21 @@ impl ModbusTotals {
 
     /// Adds what one connection counted between `before` and `now`.
     pub fn add(&self, before: &Counters, now: &Counters) {
-        self.requests.fetch_add(now.requests.wrapping_sub(before.requests), Ordering::Relaxed);
-        self.replies.fetch_add(now.replies.wrapping_sub(before.replies), Ordering::Relaxed);
-        self.attempts_lost.fetch_add(now.attempts_lost.wrapping_sub(before.attempts_lost), Ordering::Relaxed);
-        for (total, (before, now)) in self.exceptions.iter().zip(before.exceptions.iter().zip(&now.exceptions)) {
+        self.requests.fetch_add(
+            now.requests.wrapping_sub(before.requests),
+            Ordering::Relaxed,
+        );
+        self.replies
+            .fetch_add(now.replies.wrapping_sub(before.replies), Ordering::Relaxed);
+        self.attempts_lost.fetch_add(
+            now.attempts_lost.wrapping_sub(before.attempts_lost),
+            Ordering::Relaxed,
+        );
+        for (total, (before, now)) in self
+            .exceptions
+            .iter()
+            .zip(before.exceptions.iter().zip(&now.exceptions))
+        {
             total.fetch_add(now.wrapping_sub(*before), Ordering::Relaxed);
         }
     }
@@ -290,7 +307,10 @@ impl<C: Copy> BrokerTotals<C> {
 
     /// Sets the topic that says that the clients of the broker are gone.
     pub fn set_clients_gone(&self, topic: Option<&str>) {
-        let mut known = self.clients_gone.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self
+            .clients_gone
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         if known.as_deref() != topic {
             *known = topic.map(str::to_owned);
         }
@@ -299,12 +319,18 @@ impl<C: Copy> BrokerTotals<C> {
     /// The topic that says that the clients of the broker are gone; `None` if it does not.
     #[must_use]
     pub fn clients_gone(&self) -> Option<String> {
-        self.clients_gone.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.clients_gone
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Sets what is not published because it is larger than the broker takes.
     pub fn set_oversized(&self, oversized: &[Oversized]) {
-        let mut known = self.oversized.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self
+            .oversized
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         if known.as_slice() != oversized {
             *known = oversized.to_vec();
         }
@@ -313,7 +339,10 @@ impl<C: Copy> BrokerTotals<C> {
     /// What is not published because it is larger than the broker takes.
     #[must_use]
     pub fn oversized(&self) -> Vec<Oversized> {
-        self.oversized.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.oversized
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Why there is no connection, with the broker's address; `None` if there is one, or if the first is being made.
@@ -328,7 +357,8 @@ impl<C: Copy> BrokerTotals<C> {
 
     /// Sets whether another client contests our identifier.
     pub fn contested(&self, contested: bool) {
-        self.takeovers.fetch_add(u64::from(contested), Ordering::Relaxed);
+        self.takeovers
+            .fetch_add(u64::from(contested), Ordering::Relaxed);
         self.contested.store(contested, Ordering::Relaxed);
     }
 
@@ -373,19 +403,38 @@ mod tests {
         let panel = Arc::new(SerialTotals::new("panel".to_owned()));
         totals.serial().show(&panel);
         let none = SlaveCounters::default();
-        let some = SlaveCounters { requests: 3, foreign: 1, ..none };
+        let some = SlaveCounters {
+            requests: 3,
+            foreign: 1,
+            ..none
+        };
         panel.add(&none, &some);
-        panel.add(&some, &SlaveCounters { requests: 5, ..some });
+        panel.add(
+            &some,
+            &SlaveCounters {
+                requests: 5,
+                ..some
+            },
+        );
         // Opened again, it counts from 0.
         panel.add(&none, &some);
         let plc = Arc::new(SerialTotals::new("plc".to_owned()));
         totals.serial().show(&plc);
         let shown = || {
             let all = totals.serial().all();
-            all.iter().map(|it| (it.master().to_owned(), it.counters())).collect::<Vec<_>>()
+            all.iter()
+                .map(|it| (it.master().to_owned(), it.counters()))
+                .collect::<Vec<_>>()
         };
-        let of_panel = SlaveCounters { requests: 8, foreign: 2, ..none };
-        assert_eq!(shown(), [("panel".to_owned(), of_panel), ("plc".to_owned(), none)]);
+        let of_panel = SlaveCounters {
+            requests: 8,
+            foreign: 2,
+            ..none
+        };
+        assert_eq!(
+            shown(),
+            [("panel".to_owned(), of_panel), ("plc".to_owned(), none)]
+        );
         drop(panel);
         assert_eq!(shown(), [("plc".to_owned(), none)]);
     }
@@ -398,6 +447,9 @@ mod tests {
             reads.count_from_memory(Duration::from_millis(age_ms));
         }
         assert_eq!((reads.from_line(), reads.from_memory()), (1, 3));
-        assert_eq!((reads.age(), reads.oldest()), (Duration::from_millis(420), Duration::from_millis(300)));
+        assert_eq!(
+            (reads.age(), reads.oldest()),
+            (Duration::from_millis(420), Duration::from_millis(300))
+        );
     }
 }

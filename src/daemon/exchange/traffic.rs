@@ -110,9 +110,13 @@ impl Listener {
             return None;
         }
         ring.listeners += 1;
-        line.traffic.watched_until.store(u64::MAX, Ordering::Relaxed);
+        line.traffic
+            .watched_until
+            .store(u64::MAX, Ordering::Relaxed);
         // A number that was never assigned is from an earlier run.
-        let seen = after.filter(|after| *after <= ring.last).unwrap_or(ring.last);
+        let seen = after
+            .filter(|after| *after <= ring.last)
+            .unwrap_or(ring.last);
         drop(ring);
         Some(Self { line, seen, clock })
     }
@@ -130,7 +134,9 @@ impl Listener {
         let lost = first.saturating_sub(self.seen + 1);
         self.seen += lost;
         let skipped = usize::try_from(self.seen + 1 - first).unwrap_or(usize::MAX);
-        let records: Vec<_> = (self.seen + 1..).zip(ring.records.iter().skip(skipped).take(most).cloned()).collect();
+        let records: Vec<_> = (self.seen + 1..)
+            .zip(ring.records.iter().skip(skipped).take(most).cloned())
+            .collect();
         self.seen += records.len() as u64;
         News { lost, records }
     }
@@ -142,7 +148,10 @@ impl Drop for Listener {
         ring.listeners -= 1;
         if ring.listeners == 0 {
             let until = (self.clock)() + LINGER;
-            self.line.traffic.watched_until.store(until.as_nanos(), Ordering::Relaxed);
+            self.line
+                .traffic
+                .watched_until
+                .store(until.as_nanos(), Ordering::Relaxed);
         }
     }
 }
@@ -155,7 +164,12 @@ mod tests {
     use crate::domain::traffic::TrafficKind;
 
     fn line() -> Arc<SharedLine> {
-        Arc::new(SharedLine::new(0, Name::new("hall-1").unwrap(), Interface::Rs485, []))
+        Arc::new(SharedLine::new(
+            0,
+            Name::new("hall-1").unwrap(),
+            Interface::Rs485,
+            [],
+        ))
     }
 
     fn listen(line: &Arc<SharedLine>, after: Option<u64>) -> Option<Listener> {
@@ -165,9 +179,16 @@ mod tests {
     fn put(line: &SharedLine, count: u64) {
         let record = |at| {
             let at = MonoTime::from_millis(at);
-            TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }
+            TrafficRecord {
+                kind: TrafficKind::Noise,
+                why: None,
+                bytes: vec![0],
+                begin: at,
+                end: at,
+            }
         };
-        line.traffic.take_over(&mut (1..=count).map(record).collect());
+        line.traffic
+            .take_over(&mut (1..=count).map(record).collect());
     }
 
     fn numbers(news: &News) -> Vec<u64> {
@@ -206,7 +227,11 @@ mod tests {
         put(&line, 5);
         assert_eq!(numbers(&listen(&line, Some(3)).unwrap().look(9)), [4, 5]);
         assert_eq!(numbers(&listen(&line, Some(5)).unwrap().look(9)), [0; 0]);
-        assert_eq!(numbers(&listen(&line, Some(77)).unwrap().look(9)), [0; 0], "a number of another life");
+        assert_eq!(
+            numbers(&listen(&line, Some(77)).unwrap().look(9)),
+            [0; 0],
+            "a number of another life"
+        );
         line.traffic.forget();
         put(&line, 1);
         let news = listen(&line, Some(3)).unwrap().look(9);
@@ -221,7 +246,10 @@ mod tests {
         let first = listen(&line, None);
         let second = listen(&line, None);
         drop(first);
-        assert!(line.traffic.is_watched(MonoTime::from_millis(u64::MAX / 2_000_000)));
+        assert!(
+            line.traffic
+                .is_watched(MonoTime::from_millis(u64::MAX / 2_000_000))
+        );
         drop(second);
         assert!(line.traffic.is_watched(now + LINGER.mul_f64(0.9)));
         assert!(!line.traffic.is_watched(now + LINGER));
@@ -230,7 +258,9 @@ mod tests {
     #[test]
     fn listeners_are_bounded() {
         let line = line();
-        let mut held: Vec<_> = (0..LISTENERS_MAX).map(|_| listen(&line, None).unwrap()).collect();
+        let mut held: Vec<_> = (0..LISTENERS_MAX)
+            .map(|_| listen(&line, None).unwrap())
+            .collect();
         assert!(listen(&line, None).is_none());
         held.pop();
         assert!(listen(&line, None).is_some());
@@ -241,8 +271,13 @@ mod tests {
         let line = line();
         let looking = line.traffic.lock();
         let at = MonoTime::ZERO;
-        let mut records =
-            vec![TrafficRecord { kind: TrafficKind::Noise, why: None, bytes: vec![0], begin: at, end: at }];
+        let mut records = vec![TrafficRecord {
+            kind: TrafficKind::Noise,
+            why: None,
+            bytes: vec![0],
+            begin: at,
+            end: at,
+        }];
         line.traffic.take_over(&mut records);
         assert_eq!(records.len(), 1);
         drop(looking);

@@ -17,7 +17,9 @@ pub fn files() -> [ArchivedFile; 2] {
 fn versions() -> Value {
     let uname = uname();
     let release = fs::read_to_string("/etc/os-release").unwrap_or_default();
-    let system = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="));
+    let system = release
+        .lines()
+        .find_map(|line| line.strip_prefix("PRETTY_NAME="));
     let word = |text: &std::ffi::CStr| text.to_string_lossy().into_owned();
     json!({
         "version": env!("CARGO_PKG_VERSION"),

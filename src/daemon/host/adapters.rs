@@ -29,7 +29,11 @@ pub struct Adapter {
 /// All serial ports, those with a stable name first.
 #[must_use]
 pub fn list() -> Vec<Adapter> {
-    list_in(Path::new("/dev"), Path::new("/sys/class/tty"), Path::new("/proc"))
+    list_in(
+        Path::new("/dev"),
+        Path::new("/sys/class/tty"),
+        Path::new("/proc"),
+    )
 }
 
 /// The names of all serial ports, those with a stable name first.
@@ -38,9 +42,14 @@ pub fn names() -> Vec<String> {
     let dev = Path::new("/dev");
     let stable = stable_names(dev);
     let devices = serial_devices(dev, Path::new("/sys/class/tty"));
-    let mut named: Vec<_> = devices.map(|device| (!stable.contains_key(&device), device)).collect();
+    let mut named: Vec<_> = devices
+        .map(|device| (!stable.contains_key(&device), device))
+        .collect();
     named.sort();
-    named.iter().map(|(_, device)| stable.get(device).unwrap_or(device).display().to_string()).collect()
+    named
+        .iter()
+        .map(|(_, device)| stable.get(device).unwrap_or(device).display().to_string())
+        .collect()
 }
 
 /// The group that may open the device at `path`, by name or number.
@@ -52,7 +61,10 @@ pub fn group_of(path: &Path) -> String {
 /// Programs that have the device at `path` open, as far as this user may see them.
 #[must_use]
 pub fn holders_of(path: &Path) -> Vec<String> {
-    fs::canonicalize(path).map_or_else(|_| Vec::new(), |device| holders(&device, Path::new("/proc")))
+    fs::canonicalize(path).map_or_else(
+        |_| Vec::new(),
+        |device| holders(&device, Path::new("/proc")),
+    )
 }
 
 fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<Adapter> {
@@ -78,13 +90,16 @@ fn list_in(dev: &Path, sys: &Path, proc: &Path) -> Vec<Adapter> {
 /// The names by serial number, by device.
 fn stable_names(dev: &Path) -> BTreeMap<PathBuf, PathBuf> {
     let links = entries(&dev.join("serial/by-id")).into_iter();
-    links.filter_map(|link| Some((fs::canonicalize(&link).ok()?, link))).collect()
+    links
+        .filter_map(|link| Some((fs::canonicalize(&link).ok()?, link)))
+        .collect()
 }
 
 /// The devices of all serial ports that exist.
 fn serial_devices(dev: &Path, sys: &Path) -> impl Iterator<Item = PathBuf> {
     let ttys = entries(sys).into_iter().filter(|tty| is_serial(tty));
-    ttys.filter_map(move |tty| Some(dev.join(tty.file_name()?))).filter(|device| device.exists())
+    ttys.filter_map(move |tty| Some(dev.join(tty.file_name()?)))
+        .filter(|device| device.exists())
 }
 
 /// Whether there is hardware behind a terminal. The kernel lists many ports of a PC that do not exist, of type 0.
@@ -95,23 +110,39 @@ fn is_serial(tty: &Path) -> bool {
 
 /// Programs with an open file at `device`.
 fn holders(device: &Path, proc: &Path) -> Vec<String> {
-    let is_number =
-        |path: &&PathBuf| path.file_name().is_some_and(|it| it.as_encoded_bytes().iter().all(u8::is_ascii_digit));
+    let is_number = |path: &&PathBuf| {
+        path.file_name()
+            .is_some_and(|it| it.as_encoded_bytes().iter().all(u8::is_ascii_digit))
+    };
     let processes = entries(proc);
     let holds = |process: &&PathBuf| {
-        entries(&process.join("fd")).iter().any(|fd| fs::read_link(fd).is_ok_and(|target| target == device))
+        entries(&process.join("fd"))
+            .iter()
+            .any(|fd| fs::read_link(fd).is_ok_and(|target| target == device))
     };
     let named = |process: &PathBuf| {
         let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
-        let number = process.file_name().map(|it| it.to_string_lossy().into_owned()).unwrap_or_default();
+        let number = process
+            .file_name()
+            .map(|it| it.to_string_lossy().into_owned())
+            .unwrap_or_default();
         format!("{} (process {number})", name.trim())
     };
-    processes.iter().filter(is_number).take(PROCESSES_MAX).filter(holds).map(named).collect()
+    processes
+        .iter()
+        .filter(is_number)
+        .take(PROCESSES_MAX)
+        .filter(holds)
+        .map(named)
+        .collect()
 }
 
 /// The paths in `directory`; none if it cannot be read.
 fn entries(directory: &Path) -> Vec<PathBuf> {
-    let read = fs::read_dir(directory).into_iter().flatten().filter_map(Result::ok);
+    let read = fs::read_dir(directory)
+        .into_iter()
+        .flatten()
+        .filter_map(Result::ok);
     let mut paths: Vec<_> = read.map(|entry| entry.path()).collect();
     paths.sort();
     paths
@@ -119,7 +150,13 @@ fn entries(directory: &Path) -> Vec<PathBuf> {
 
 /// The last part of where the link leads.
 fn name_of(link: &Path) -> Option<String> {
-    Some(fs::read_link(link).ok()?.file_name()?.to_string_lossy().into_owned())
+    Some(
+        fs::read_link(link)
+            .ok()?
+            .file_name()?
+            .to_string_lossy()
+            .into_owned(),
+    )
 }
 
 /// The name of a group, or its number.
@@ -144,9 +181,14 @@ mod tests {
         let dir = Dir::new();
         let root = fs::canonicalize(&*dir).unwrap();
         let at = |path: &str| root.join(path);
-        for directory in
-            ["dev/serial/by-id", "sys/ttyUSB0/device", "sys/ttyS0/device", "sys/tty1", "bus/ftdi_sio", "proc/42/fd"]
-        {
+        for directory in [
+            "dev/serial/by-id",
+            "sys/ttyUSB0/device",
+            "sys/ttyS0/device",
+            "sys/tty1",
+            "bus/ftdi_sio",
+            "proc/42/fd",
+        ] {
             fs::create_dir_all(at(directory)).unwrap();
         }
         for file in ["dev/ttyUSB0", "dev/ttyS0", "dev/tty1"] {
@@ -158,7 +200,9 @@ mod tests {
         symlink(at("bus/ftdi_sio"), at("sys/ttyUSB0/device/driver")).unwrap();
         symlink(at("dev/ttyUSB0"), at("proc/42/fd/3")).unwrap();
         let found = list_in(&at("dev"), &at("sys"), &at("proc"));
-        let [adapter] = &found[..] else { panic!("{found:?}") };
+        let [adapter] = &found[..] else {
+            panic!("{found:?}")
+        };
         assert_eq!(adapter.path, at("dev/serial/by-id/usb-FTDI_A1"));
         assert_eq!(adapter.driver.as_deref(), Some("ftdi_sio"));
         assert!(adapter.may_open);

@@ -18,7 +18,10 @@ pub struct ArchivedFile {
 impl ArchivedFile {
     /// A file.
     pub fn new(path: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
-        Self { path: path.into(), content: content.into() }
+        Self {
+            path: path.into(),
+            content: content.into(),
+        }
     }
 }
 
@@ -34,7 +37,11 @@ pub fn archive(root: &str, files: &[ArchivedFile]) -> io::Result<Vec<u8>> {
         header.set_size(file.content.len() as u64);
         header.set_mode(0o644);
         header.set_mtime(unix_s);
-        archive.append_data(&mut header, format!("{root}/{}", file.path), file.content.as_slice())?;
+        archive.append_data(
+            &mut header,
+            format!("{root}/{}", file.path),
+            file.content.as_slice(),
+        )?;
     }
     archive.into_inner()?.finish()
 }

@@ -7,8 +7,9 @@ use crate::domain::calendar;
 use crate::domain::time::WallTime;
 use ipnet::IpNet;
 use rcgen::{
-    BasicConstraints, CertificateParams, CidrSubnet, DistinguishedName, DnType, ExtendedKeyUsagePurpose,
-    GeneralSubtree, IsCa, Issuer, KeyPair, KeyUsagePurpose, NameConstraints, SanType, date_time_ymd,
+    BasicConstraints, CertificateParams, CidrSubnet, DistinguishedName, DnType,
+    ExtendedKeyUsagePurpose, GeneralSubtree, IsCa, Issuer, KeyPair, KeyUsagePurpose,
+    NameConstraints, SanType, date_time_ymd,
 };
 use rustls::pki_types::CertificateDer;
 use std::net::IpAddr;
@@ -74,12 +75,22 @@ impl Authority {
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         params.key_usages = vec![KeyUsagePurpose::KeyCertSign, KeyUsagePurpose::CrlSign];
         params.distinguished_name = named(title);
-        params.name_constraints =
-            Some(NameConstraints { permitted_subtrees: permitted(names), excluded_subtrees: Vec::new() });
+        params.name_constraints = Some(NameConstraints {
+            permitted_subtrees: permitted(names),
+            excluded_subtrees: Vec::new(),
+        });
         valid_for(&mut params, now, AUTHORITY_DAYS);
         let key = KeyPair::generate()?;
-        let issued = Issued { certificate: params.self_signed(&key)?.pem(), key: key.serialize_pem() };
-        Ok((Self { issuer: Issuer::new(params, key) }, issued))
+        let issued = Issued {
+            certificate: params.self_signed(&key)?.pem(),
+            key: key.serialize_pem(),
+        };
+        Ok((
+            Self {
+                issuer: Issuer::new(params, key),
+            },
+            issued,
+        ))
     }
 
     /// The authority with this certificate and key, in PEM.
@@ -87,7 +98,9 @@ impl Authority {
     /// # Errors
     /// They cannot be used.
     pub fn from_pem(certificate: &str, key: &str) -> Result<Self, Error> {
-        Ok(Self { issuer: Issuer::from_ca_cert_pem(certificate, KeyPair::from_pem(key)?)? })
+        Ok(Self {
+            issuer: Issuer::from_ca_cert_pem(certificate, KeyPair::from_pem(key)?)?,
+        })
     }
 
     /// A certificate of a server with these names, valid for `days` from now.
@@ -96,14 +109,20 @@ impl Authority {
     /// A name is no host name; the library's.
     pub fn issue(&self, names: &[String], now: WallTime, days: i64) -> Result<Issued, Error> {
         let mut params = CertificateParams::default();
-        params.subject_alt_names = names.iter().map(|name| subject(name)).collect::<Result<_, _>>()?;
+        params.subject_alt_names = names
+            .iter()
+            .map(|name| subject(name))
+            .collect::<Result<_, _>>()?;
         params.distinguished_name = named(names.first().map_or("vfd-gateway", String::as_str));
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         params.extended_key_usages = vec![ExtendedKeyUsagePurpose::ServerAuth];
         params.use_authority_key_identifier_extension = true;
         valid_for(&mut params, now, days);
         let key = KeyPair::generate()?;
-        Ok(Issued { certificate: params.signed_by(&key, &self.issuer)?.pem(), key: key.serialize_pem() })
+        Ok(Issued {
+            certificate: params.signed_by(&key, &self.issuer)?.pem(),
+            key: key.serialize_pem(),
+        })
     }
 }
 
@@ -125,14 +144,24 @@ pub struct Facts {
 pub fn facts(certificate: &CertificateDer<'_>) -> Result<Facts, Error> {
     let (_, parsed) = parse_x509_certificate(certificate).map_err(|_| Error::NoCertificate)?;
     let digest = ring::digest::digest(&ring::digest::SHA256, certificate);
-    let pairs: Vec<_> = digest.as_ref().iter().map(|byte| format!("{byte:02X}")).collect();
+    let pairs: Vec<_> = digest
+        .as_ref()
+        .iter()
+        .map(|byte| format!("{byte:02X}"))
+        .collect();
     let unix_ms = parsed.validity().not_after.timestamp().saturating_mul(1000);
-    Ok(Facts { names: names(&parsed), until: WallTime { unix_ms }, fingerprint: pairs.join(":") })
+    Ok(Facts {
+        names: names(&parsed),
+        until: WallTime { unix_ms },
+        fingerprint: pairs.join(":"),
+    })
 }
 
 /// The authority at the end of `chain`, if the chain has one: the certificate that signed itself.
 #[must_use]
-pub fn authority_of<'c>(chain: &'c [CertificateDer<'static>]) -> Option<&'c CertificateDer<'static>> {
+pub fn authority_of<'c>(
+    chain: &'c [CertificateDer<'static>],
+) -> Option<&'c CertificateDer<'static>> {
     let last = chain.last()?;
     let (_, parsed) = parse_x509_certificate(last).ok()?;
     (parsed.is_ca() && parsed.subject() == parsed.issuer()).then_some(last)
@@ -144,9 +173,19 @@ pub fn authority_of<'c>(chain: &'c [CertificateDer<'static>]) -> Option<&'c Cert
 /// The first name that it may not sign for; it is not an X.509 certificate.
 pub fn may_sign(authority: &CertificateDer<'_>, names: &[String]) -> Result<(), Error> {
     let (_, parsed) = parse_x509_certificate(authority).map_err(|_| Error::NoCertificate)?;
-    let limits = parsed.name_constraints().ok().flatten().and_then(|limits| limits.value.permitted_subtrees.as_ref());
-    let Some(permitted) = limits else { return Ok(()) };
-    let fits = |name: &String| permitted.iter().any(|subtree| is_within(name, &subtree.base));
+    let limits = parsed
+        .name_constraints()
+        .ok()
+        .flatten()
+        .and_then(|limits| limits.value.permitted_subtrees.as_ref());
+    let Some(permitted) = limits else {
+        return Ok(());
+    };
+    let fits = |name: &String| {
+        permitted
+            .iter()
+            .any(|subtree| is_within(name, &subtree.base))
+    };
     match names.iter().find(|name| !fits(name)) {
         Some(name) => Err(Error::NotPermitted(name.clone())),
         None => Ok(()),
@@ -155,7 +194,9 @@ pub fn may_sign(authority: &CertificateDer<'_>, names: &[String]) -> Result<(), 
 
 fn is_within(name: &str, subtree: &GeneralName<'_>) -> bool {
     match (name.parse::<IpAddr>(), subtree) {
-        (Ok(address), GeneralName::IPAddress(bytes)) => network(bytes).is_some_and(|net| net.contains(&address)),
+        (Ok(address), GeneralName::IPAddress(bytes)) => {
+            network(bytes).is_some_and(|net| net.contains(&address))
+        }
         (Err(_), GeneralName::DNSName(domain)) => {
             let before = name.strip_suffix(domain);
             before.is_some_and(|before| before.is_empty() || before.ends_with('.'))
@@ -172,11 +213,14 @@ fn network(bytes: &[u8]) -> Option<IpNet> {
 
 fn address(bytes: &[u8]) -> Option<IpAddr> {
     let v4 = <[u8; 4]>::try_from(bytes).map(IpAddr::from);
-    v4.or_else(|_| <[u8; 16]>::try_from(bytes).map(IpAddr::from)).ok()
+    v4.or_else(|_| <[u8; 16]>::try_from(bytes).map(IpAddr::from))
+        .ok()
 }
 
 fn names(certificate: &X509Certificate<'_>) -> Vec<String> {
-    let Ok(Some(list)) = certificate.subject_alternative_name() else { return Vec::new() };
+    let Ok(Some(list)) = certificate.subject_alternative_name() else {
+        return Vec::new();
+    };
     let text = |name: &GeneralName<'_>| match name {
         GeneralName::DNSName(name) => Some((*name).to_owned()),
         GeneralName::IPAddress(bytes) => address(bytes).map(|address| address.to_string()),
@@ -203,7 +247,9 @@ fn subject(name: &str) -> Result<SanType, Error> {
 fn is_host_name(name: &str) -> bool {
     let is_label = |label: &str| {
         (1..=63).contains(&label.len())
-            && label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+            && label
+                .bytes()
+                .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
             && !label.starts_with('-')
             && !label.ends_with('-')
     };
@@ -215,8 +261,13 @@ fn permitted(names: &[String]) -> Vec<GeneralSubtree> {
         Ok(address) => subnet(IpNet::from(address)),
         Err(_) => GeneralSubtree::DnsName(name.clone()),
     });
-    let local = LOCAL.iter().map(|domain| GeneralSubtree::DnsName((*domain).to_owned()));
-    let private = PRIVATE.iter().filter_map(|net| net.parse().ok()).map(subnet);
+    let local = LOCAL
+        .iter()
+        .map(|domain| GeneralSubtree::DnsName((*domain).to_owned()));
+    let private = PRIVATE
+        .iter()
+        .filter_map(|net| net.parse().ok())
+        .map(subnet);
     given.chain(local).chain(private).collect()
 }
 
@@ -227,7 +278,11 @@ fn subnet(net: IpNet) -> GeneralSubtree {
 /// From a day before `now`, because the clocks of clients differ.
 fn valid_for(params: &mut CertificateParams, now: WallTime, days: i64) {
     let date = |days: i64| {
-        let moment = WallTime { unix_ms: now.unix_ms.saturating_add(days.saturating_mul(calendar::DAY_MS)) };
+        let moment = WallTime {
+            unix_ms: now
+                .unix_ms
+                .saturating_add(days.saturating_mul(calendar::DAY_MS)),
+        };
         let (year, month, day) = calendar::date(moment);
         date_time_ymd(year, month, day)
     };
@@ -240,7 +295,9 @@ mod tests {
     use super::*;
     use rustls::pki_types::pem::PemObject;
 
-    const NOW: WallTime = WallTime { unix_ms: 1_795_651_200_000 };
+    const NOW: WallTime = WallTime {
+        unix_ms: 1_795_651_200_000,
+    };
 
     fn der(pem: &str) -> CertificateDer<'static> {
         CertificateDer::from_pem_slice(pem.as_bytes()).unwrap()
@@ -260,18 +317,39 @@ mod tests {
         assert_eq!(calendar::rfc3339(facts.until), "2029-02-27T00:00:00.000Z");
         assert_eq!(facts.fingerprint.len(), 32 * 3 - 1);
         let again = Authority::from_pem(&own.certificate, &own.key).unwrap();
-        assert!(again.issue(&names, NOW, 30).is_ok(), "it can be used after a restart");
-        assert!(matches!(authority.issue(&list(&["no name"]), NOW, 30), Err(Error::Name(_))));
+        assert!(
+            again.issue(&names, NOW, 30).is_ok(),
+            "it can be used after a restart"
+        );
+        assert!(matches!(
+            authority.issue(&list(&["no name"]), NOW, 30),
+            Err(Error::Name(_))
+        ));
     }
 
     #[test]
     fn an_authority_signs_for_its_names_and_private_ones_alone() {
-        let (_, own) = Authority::generate("plant", &list(&["gateway.example.org", "203.0.113.7"]), NOW).unwrap();
+        let (_, own) =
+            Authority::generate("plant", &list(&["gateway.example.org", "203.0.113.7"]), NOW)
+                .unwrap();
         let own = der(&own.certificate);
-        for fits in ["gateway.example.org", "203.0.113.7", "other.local", "localhost", "192.168.7.1", "fd00::1"] {
+        for fits in [
+            "gateway.example.org",
+            "203.0.113.7",
+            "other.local",
+            "localhost",
+            "192.168.7.1",
+            "fd00::1",
+        ] {
             assert!(may_sign(&own, &list(&[fits])).is_ok(), "{fits}");
         }
-        for other in ["example.org", "bank.example", "notlocal", "203.0.113.8", "2001:db8::1"] {
+        for other in [
+            "example.org",
+            "bank.example",
+            "notlocal",
+            "203.0.113.8",
+            "2001:db8::1",
+        ] {
             let refused = may_sign(&own, &list(&["localhost", other])).unwrap_err();
             assert!(refused.to_string().contains(other), "{refused}");
         }

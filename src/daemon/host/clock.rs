@@ -18,19 +18,28 @@ pub fn now() -> MonoTime {
 /// Now, on the wall clock. It is used for labels, never for decisions.
 #[must_use]
 pub fn wall() -> WallTime {
-    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    WallTime { unix_ms: i64::try_from(since_1970.as_millis()).unwrap_or(i64::MAX) }
+    let since_1970 = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default();
+    WallTime {
+        unix_ms: i64::try_from(since_1970.as_millis()).unwrap_or(i64::MAX),
+    }
 }
 
 /// The same in microseconds since 1970-01-01 UTC.
 #[must_use]
 pub fn wall_micros() -> i64 {
-    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+    let since_1970 = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap_or_default();
     i64::try_from(since_1970.as_micros()).unwrap_or(i64::MAX)
 }
 
 /// Now, on both clocks.
 #[must_use]
 pub fn moment() -> Moment {
-    Moment { mono: now(), wall: wall() }
+    Moment {
+        mono: now(),
+        wall: wall(),
+    }
 }

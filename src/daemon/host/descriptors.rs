@@ -21,7 +21,13 @@ pub fn room_for_connections() -> usize {
     if before >= wanted {
         return connections(before);
     }
-    match setrlimit(Resource::Nofile, Rlimit { current: Some(wanted), ..limit }) {
+    match setrlimit(
+        Resource::Nofile,
+        Rlimit {
+            current: Some(wanted),
+            ..limit
+        },
+    ) {
         Ok(()) => connections(wanted),
         Err(error) => {
             tracing::warn!(%error, limit = before, "cannot raise the limit of open files");
@@ -33,7 +39,9 @@ pub fn room_for_connections() -> usize {
 /// The connections that `files` leave room for: all but [`KEPT`], or half of them if that is more.
 fn connections(files: u64) -> usize {
     let connections = files.saturating_sub(KEPT).max(files / 2);
-    usize::try_from(connections).unwrap_or(usize::MAX).min(Slots::MOST)
+    usize::try_from(connections)
+        .unwrap_or(usize::MAX)
+        .min(Slots::MOST)
 }
 
 /// A spare descriptor. Released when there are no others, it lets one more connection be accepted, so that its peer is
@@ -63,9 +71,15 @@ mod tests {
 
     #[test]
     fn connections_leave_files_for_all_else() {
-        for (files, right) in
-            [(40, 20), (64, 32), (768, 384), (1024, 640), (20_000, 19_616), (524_288, 65_536), (u64::MAX, 65_536)]
-        {
+        for (files, right) in [
+            (40, 20),
+            (64, 32),
+            (768, 384),
+            (1024, 640),
+            (20_000, 19_616),
+            (524_288, 65_536),
+            (u64::MAX, 65_536),
+        ] {
             assert_eq!(connections(files), right, "{files}");
         }
     }
@@ -76,7 +90,12 @@ mod tests {
         let limit = getrlimit(Resource::Nofile);
         assert_eq!(room, connections(limit.current.unwrap_or(u64::MAX)));
         let useful = Slots::MOST as u64 + KEPT;
-        assert!(limit.current.is_none_or(|it| it >= limit.maximum.unwrap_or(u64::MAX).min(useful)), "{limit:?}");
+        assert!(
+            limit
+                .current
+                .is_none_or(|it| it >= limit.maximum.unwrap_or(u64::MAX).min(useful)),
+            "{limit:?}"
+        );
     }
 
     #[test]

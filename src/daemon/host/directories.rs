@@ -37,7 +37,10 @@ pub fn make(path: &Path) -> Result<bool, NotMade> {
     let uid = geteuid().as_raw();
     let above = path.parent().map(fs::metadata);
     if !above.is_some_and(|above| above.is_ok_and(|it| it.is_dir() && it.uid() == uid)) {
-        return Err(NotMade::NotOurs { path: path.to_path_buf(), uid });
+        return Err(NotMade::NotOurs {
+            path: path.to_path_buf(),
+            uid,
+        });
     }
     match DirBuilder::new().mode(MODE).create(path) {
         // Another process has just made it.
@@ -57,11 +60,17 @@ mod tests {
         let dir = Dir::new();
         let data = dir.join("data");
         assert!(make(&data).unwrap());
-        assert_eq!(fs::metadata(&data).unwrap().permissions().mode() & 0o777, MODE & !umask());
+        assert_eq!(
+            fs::metadata(&data).unwrap().permissions().mode() & 0o777,
+            MODE & !umask()
+        );
         assert!(!make(&data).unwrap(), "it is there");
         let deeper = dir.join("missing/data");
         let refused = make(&deeper).unwrap_err().to_string();
-        assert!(refused.contains("install -d -o ") && refused.ends_with("missing/data"), "{refused}");
+        assert!(
+            refused.contains("install -d -o ") && refused.ends_with("missing/data"),
+            "{refused}"
+        );
         assert!(!deeper.exists());
     }
 

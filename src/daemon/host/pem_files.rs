@@ -22,7 +22,13 @@ pub struct FileError {
 pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileError> {
     let bytes = read(file)?;
     let read = CertificateDer::pem_slice_iter(&bytes).collect::<Result<Vec<_>, _>>();
-    let found = read.and_then(|found| if found.is_empty() { Err(pem::Error::NoItemsFound) } else { Ok(found) });
+    let found = read.and_then(|found| {
+        if found.is_empty() {
+            Err(pem::Error::NoItemsFound)
+        } else {
+            Ok(found)
+        }
+    });
     found.map_err(|error| wrong(file, error, "it contains no certificate"))
 }
 
@@ -31,13 +37,20 @@ pub fn certificates(file: &Path) -> Result<Vec<CertificateDer<'static>>, FileErr
 /// # Errors
 /// It cannot be read, or has no unencrypted key.
 pub fn key(file: &Path) -> Result<PrivateKeyDer<'static>, FileError> {
-    PrivateKeyDer::from_pem_slice(&read(file)?)
-        .map_err(|error| wrong(file, error, "it contains no private key, or an encrypted one"))
+    PrivateKeyDer::from_pem_slice(&read(file)?).map_err(|error| {
+        wrong(
+            file,
+            error,
+            "it contains no private key, or an encrypted one",
+        )
+    })
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, FileError> {
-    user_files::bytes(file, user_files::BYTES_MAX)
-        .map_err(|error| FileError { file: file.to_path_buf(), what: error.to_string() })
+    user_files::bytes(file, user_files::BYTES_MAX).map_err(|error| FileError {
+        file: file.to_path_buf(),
+        what: error.to_string(),
+    })
 }
 
 fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {
@@ -46,7 +59,10 @@ fn wrong(file: &Path, error: pem::Error, nothing: &str) -> FileError {
         pem::Error::Io(error) => error.to_string(),
         error => error.to_string(),
     };
-    FileError { file: file.to_path_buf(), what }
+    FileError {
+        file: file.to_path_buf(),
+        what,
+    }
 }
 
 #[cfg(test)]
@@ -58,9 +74,17 @@ mod tests {
     fn a_file_that_is_much_too_long_is_not_read() {
         let dir = Dir::new();
         let long = dir.join("long.pem");
-        std::fs::File::create(&long).unwrap().set_len(user_files::BYTES_MAX + 1).unwrap();
+        std::fs::File::create(&long)
+            .unwrap()
+            .set_len(user_files::BYTES_MAX + 1)
+            .unwrap();
         for error in [certificates(&long).err(), key(&long).err()] {
-            assert!(error.unwrap().to_string().ends_with("1048576 bytes are the most"));
+            assert!(
+                error
+                    .unwrap()
+                    .to_string()
+                    .ends_with("1048576 bytes are the most")
+            );
         }
     }
 }

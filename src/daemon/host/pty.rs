@@ -31,12 +31,21 @@ impl Pty {
         let name = ptsname(&master, Vec::new())?;
         let path = PathBuf::from(std::ffi::OsString::from_vec(name.into_bytes()));
         let noctty = i32::try_from(rustix::fs::OFlags::NOCTTY.bits()).unwrap_or(0);
-        let slave = OpenOptions::new().read(true).write(true).custom_flags(noctty).open(&path)?;
+        let slave = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(noctty)
+            .open(&path)?;
         let mut settings = tcgetattr(&slave)?;
         settings.make_raw();
         tcsetattr(&slave, OptionalActions::Now, &settings)?;
         rustix::io::ioctl_fionbio(&master, true)?;
-        Ok(Self { master, path, slave, link: None })
+        Ok(Self {
+            master,
+            path,
+            slave,
+            link: None,
+        })
     }
 
     /// Makes the port reachable as `link` too, replacing a link that an earlier run left behind.
@@ -67,7 +76,11 @@ impl Pty {
     /// The system's refusal.
     pub fn speed(&self) -> io::Result<(u32, u8)> {
         let settings = tcgetattr(&self.slave)?;
-        let stop_bits = if settings.control_modes.contains(ControlModes::CSTOPB) { 2 } else { 1 };
+        let stop_bits = if settings.control_modes.contains(ControlModes::CSTOPB) {
+            2
+        } else {
+            1
+        };
         Ok((settings.output_speed(), stop_bits))
     }
 
@@ -102,11 +115,22 @@ mod tests {
         let pty = Pty::new().unwrap();
         let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
         let port = rustix::fs::open(pty.path(), flags, rustix::fs::Mode::empty()).unwrap();
-        let mut child = Command::new("sleep").arg("10").stdin(Stdio::null()).spawn().unwrap();
+        let mut child = Command::new("sleep")
+            .arg("10")
+            .stdin(Stdio::null())
+            .spawn()
+            .unwrap();
         drop(pty);
         // A child process that another test is starting holds it until it runs.
         let mut fds = [PollFd::new(&port, PollFlags::IN)];
-        poll(&mut fds, Some(&Timespec { tv_sec: 5, tv_nsec: 0 })).unwrap();
+        poll(
+            &mut fds,
+            Some(&Timespec {
+                tv_sec: 5,
+                tv_nsec: 0,
+            }),
+        )
+        .unwrap();
         let mut byte = [0];
         let read = rustix::io::read(&port, &mut byte);
         child.kill().unwrap();

@@ -29,7 +29,12 @@ pub fn own() -> &'static RecentLog {
 
 impl RecentLog {
     const fn new() -> Self {
-        Self { lines: Mutex::new(Lines { lines: VecDeque::new(), bytes: 0 }) }
+        Self {
+            lines: Mutex::new(Lines {
+                lines: VecDeque::new(),
+                bytes: 0,
+            }),
+        }
     }
 
     /// Keeps a line, without the colours of a terminal, in place of the oldest ones.
@@ -39,7 +44,9 @@ impl RecentLog {
         kept.bytes += line.len();
         kept.lines.push_back(line);
         while kept.bytes > BYTES_MAX {
-            let Some(oldest) = kept.lines.pop_front() else { return };
+            let Some(oldest) = kept.lines.pop_front() else {
+                return;
+            };
             kept.bytes -= oldest.len();
         }
     }
@@ -60,7 +67,9 @@ fn without_colours(line: &str) -> String {
     let mut parts = line.split('\u{1b}');
     let mut plain = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        let end = part.find(|c: char| c.is_ascii_alphabetic()).map_or(part.len(), |at| at + 1);
+        let end = part
+            .find(|c: char| c.is_ascii_alphabetic())
+            .map_or(part.len(), |at| at + 1);
         plain.push_str(&part[end..]);
     }
     plain
@@ -79,6 +88,10 @@ mod tests {
             log.keep(format!("line {number} {}\n", "x".repeat(50)).as_bytes());
         }
         let text = log.text();
-        assert!(text.len() <= BYTES_MAX && text.contains("line 9999") && !text.contains("running"), "{}", text.len());
+        assert!(
+            text.len() <= BYTES_MAX && text.contains("line 9999") && !text.contains("running"),
+            "{}",
+            text.len()
+        );
     }
 }

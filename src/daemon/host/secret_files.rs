@@ -31,7 +31,10 @@ pub fn warn(config: &Config) {
 fn named(config: &Config) -> Vec<&Path> {
     let mut found = Vec::new();
     if let Some(mqtt) = &config.mqtt {
-        let password = mqtt.credentials.as_ref().and_then(|credentials| credentials.password.as_ref());
+        let password = mqtt
+            .credentials
+            .as_ref()
+            .and_then(|credentials| credentials.password.as_ref());
         if let Some(PasswordSource::File(file)) = password {
             found.push(file.as_path());
         }
@@ -39,7 +42,10 @@ fn named(config: &Config) -> Vec<&Path> {
             found.extend(tls.client.as_ref().map(|client| client.key_file.as_path()));
         }
     }
-    let listeners = config.listeners.iter().filter_map(|listener| listener.tls.as_ref());
+    let listeners = config
+        .listeners
+        .iter()
+        .filter_map(|listener| listener.tls.as_ref());
     found.extend(listeners.map(|tls| tls.key_file.as_path()));
     if let Some(http) = &config.http {
         found.extend(http.tls.as_ref().map(|tls| tls.key_file.as_path()));
@@ -109,7 +115,13 @@ key_file = "/secret/http.key"
         let config = config::load(FILE, &catalog).unwrap();
         let mut found = named(&config);
         found.sort();
-        let right = ["anna.hash", "http.key", "modbus.key", "mqtt.key", "password"];
+        let right = [
+            "anna.hash",
+            "http.key",
+            "modbus.key",
+            "mqtt.key",
+            "password",
+        ];
         assert_eq!(found, right.map(|name| Path::new("/secret").join(name)));
     }
 
@@ -127,6 +139,9 @@ key_file = "/secret/http.key"
         assert!(read(&place).unwrap_err().to_string().contains("4096"));
         std::fs::remove_file(&place).unwrap();
         assert!(!is_open(&place) && read(&place).is_err());
-        assert!(read(Path::new("/dev/zero")).is_err(), "what has no end is not read for ever");
+        assert!(
+            read(Path::new("/dev/zero")).is_err(),
+            "what has no end is not read for ever"
+        );
     }
 }

@@ -26,7 +26,9 @@ const UNUSED_BYTES_MAX: libc::c_int = 512 * 1024;
 /// # Errors
 /// The kernel's refusal, usually because `CAP_SYS_NICE` or an `rtprio` limit is missing.
 pub fn ask_for_real_time() -> io::Result<()> {
-    let param = libc::sched_param { sched_priority: LINE_THREAD_PRIORITY };
+    let param = libc::sched_param {
+        sched_priority: LINE_THREAD_PRIORITY,
+    };
     // SAFETY: `param` lives through the call, which only reads it; 0 means the calling thread.
     match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const param) } {
         0 => Ok(()),
@@ -39,10 +41,17 @@ pub fn ask_for_real_time() -> io::Result<()> {
 /// anyway.
 pub fn give_memory_back() {
     #[cfg(target_env = "gnu")]
-    for (setting, bytes) in [(libc::M_MMAP_THRESHOLD, LARGE_BLOCK_BYTES), (libc::M_TRIM_THRESHOLD, UNUSED_BYTES_MAX)] {
+    for (setting, bytes) in [
+        (libc::M_MMAP_THRESHOLD, LARGE_BLOCK_BYTES),
+        (libc::M_TRIM_THRESHOLD, UNUSED_BYTES_MAX),
+    ] {
         // SAFETY: the call only sets a number of the allocator's own, under its own lock.
         if unsafe { libc::mallopt(setting, bytes) } == 0 {
-            tracing::warn!(setting, bytes, "allocator refused a setting; freed memory may stay with the process");
+            tracing::warn!(
+                setting,
+                bytes,
+                "allocator refused a setting; freed memory may stay with the process"
+            );
         }
     }
 }
@@ -106,7 +115,13 @@ pub fn serial_info(fd: BorrowedFd<'_>) -> io::Result<SerialInfo> {
 /// As [`rs485`], and `EPERM` for what only root may set.
 pub fn set_serial_info(fd: BorrowedFd<'_>, wanted: &SerialInfo) -> io::Result<()> {
     // SAFETY: the call only reads one `struct serial_struct`, which `wanted` is.
-    done(unsafe { libc::ioctl(fd.as_raw_fd(), libc::TIOCSSERIAL, std::ptr::from_ref(wanted)) })
+    done(unsafe {
+        libc::ioctl(
+            fd.as_raw_fd(),
+            libc::TIOCSSERIAL,
+            std::ptr::from_ref(wanted),
+        )
+    })
 }
 
 /// Whether the last bit has left the transmitter (`TIOCSERGETLSR`).
@@ -123,5 +138,9 @@ pub fn is_sent(fd: BorrowedFd<'_>) -> io::Result<bool> {
 }
 
 fn done(result: libc::c_int) -> io::Result<()> {
-    if result < 0 { Err(io::Error::last_os_error()) } else { Ok(()) }
+    if result < 0 {
+        Err(io::Error::last_os_error())
+    } else {
+        Ok(())
+    }
 }

@@ -4,7 +4,8 @@ use crate::daemon::host::clock;
 use crate::daemon::host::sys;
 use crate::domain::time::MonoTime;
 use rustix::time::{
-    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create, timerfd_settime,
+    Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, Timespec, timerfd_create,
+    timerfd_settime,
 };
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -24,8 +25,14 @@ impl RawTimer {
     /// # Errors
     /// The kernel's refusal, for want of descriptors.
     pub fn new() -> io::Result<Self> {
-        let fd = timerfd_create(TimerfdClockId::Boottime, TimerfdFlags::NONBLOCK | TimerfdFlags::CLOEXEC)?;
-        Ok(Self { fd, armed: MonoTime::NEVER })
+        let fd = timerfd_create(
+            TimerfdClockId::Boottime,
+            TimerfdFlags::NONBLOCK | TimerfdFlags::CLOEXEC,
+        )?;
+        Ok(Self {
+            fd,
+            armed: MonoTime::NEVER,
+        })
     }
 
     /// Makes the timer fire at `at` or earlier. A timer that is armed for an earlier moment is left as it is, which
@@ -39,10 +46,18 @@ impl RawTimer {
         }
         let seconds = i64::try_from(at.as_nanos() / 1_000_000_000).unwrap_or(i64::MAX);
         // Zero would disarm it.
-        let nanos = i64::try_from(at.as_nanos() % 1_000_000_000).unwrap_or(0).max(1);
+        let nanos = i64::try_from(at.as_nanos() % 1_000_000_000)
+            .unwrap_or(0)
+            .max(1);
         let spec = Itimerspec {
-            it_interval: Timespec { tv_sec: 0, tv_nsec: 0 },
-            it_value: Timespec { tv_sec: seconds, tv_nsec: nanos },
+            it_interval: Timespec {
+                tv_sec: 0,
+                tv_nsec: 0,
+            },
+            it_value: Timespec {
+                tv_sec: seconds,
+                tv_nsec: nanos,
+            },
         };
         timerfd_settime(&self.fd, TimerfdTimerFlags::ABSTIME, &spec)?;
         self.armed = at;
@@ -82,7 +97,9 @@ impl Timer {
     /// # Errors
     /// The kernel's refusal, for want of descriptors.
     pub fn new() -> io::Result<Self> {
-        Ok(Self { inner: sys::readable(RawTimer::new()?)? })
+        Ok(Self {
+            inner: sys::readable(RawTimer::new()?)?,
+        })
     }
 
     /// See [`RawTimer::arm`].

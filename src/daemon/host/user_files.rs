@@ -21,12 +21,19 @@ pub fn bytes(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     is_fit(&std::fs::metadata(path)?, most)?;
     // A file that replaces it at this moment must not block.
     let flags = i32::try_from((OFlags::NONBLOCK | OFlags::NOCTTY).bits()).unwrap_or(0);
-    let file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
+    let file = OpenOptions::new()
+        .read(true)
+        .custom_flags(flags)
+        .open(path)?;
     is_fit(&file.metadata()?, most)?;
     let mut bytes = Vec::new();
     // It may grow meanwhile, or the system may not know its length.
     file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
-    if u64::try_from(bytes.len()).unwrap_or(u64::MAX) > most { Err(too_long(None, most)) } else { Ok(bytes) }
+    if u64::try_from(bytes.len()).unwrap_or(u64::MAX) > most {
+        Err(too_long(None, most))
+    } else {
+        Ok(bytes)
+    }
 }
 
 /// The text of the regular file at `path`, of at most `most` bytes.
@@ -40,15 +47,28 @@ pub fn text(path: &Path, most: u64) -> io::Result<String> {
 
 fn is_fit(found: &Metadata, most: u64) -> io::Result<()> {
     if !found.is_file() {
-        let what = format!("it is {}, and a regular file is needed", kind(found.file_type()));
+        let what = format!(
+            "it is {}, and a regular file is needed",
+            kind(found.file_type())
+        );
         return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
     }
-    if found.len() > most { Err(too_long(Some(found.len()), most)) } else { Ok(()) }
+    if found.len() > most {
+        Err(too_long(Some(found.len()), most))
+    } else {
+        Ok(())
+    }
 }
 
 fn too_long(bytes: Option<u64>, most: u64) -> io::Error {
-    let found = bytes.map_or_else(|| "too long".to_owned(), |bytes| format!("{bytes} bytes long"));
-    io::Error::new(io::ErrorKind::FileTooLarge, format!("it is {found}; {most} bytes are the most"))
+    let found = bytes.map_or_else(
+        || "too long".to_owned(),
+        |bytes| format!("{bytes} bytes long"),
+    );
+    io::Error::new(
+        io::ErrorKind::FileTooLarge,
+        format!("it is {found}; {most} bytes are the most"),
+    )
 }
 
 fn kind(of: FileType) -> &'static str {
@@ -84,14 +104,21 @@ mod tests {
             (pipe.as_path(), "it is a pipe, and a regular file is needed"),
             (&dir, "it is a directory, and a regular file is needed"),
             (&socket, "it is a socket, and a regular file is needed"),
-            (Path::new("/dev/zero"), "it is a device, and a regular file is needed"),
+            (
+                Path::new("/dev/zero"),
+                "it is a device, and a regular file is needed",
+            ),
         ] {
             assert_eq!(refused(path), right);
         }
         let link = dir.join("link");
         std::fs::write(dir.join("file"), "0123456789").unwrap();
         std::os::unix::fs::symlink("file", &link).unwrap();
-        assert_eq!(text(&link, 10).unwrap(), "0123456789", "secrets of a container are links");
+        assert_eq!(
+            text(&link, 10).unwrap(),
+            "0123456789",
+            "secrets of a container are links"
+        );
     }
 
     #[test]
@@ -99,15 +126,30 @@ mod tests {
         let dir = Dir::new();
         let path = dir.join("file");
         let file = File::create(&path).unwrap();
-        for (length, right) in [(10, None), (11, Some("it is 11 bytes long; 10 bytes are the most"))] {
+        for (length, right) in [
+            (10, None),
+            (11, Some("it is 11 bytes long; 10 bytes are the most")),
+        ] {
             file.set_len(length).unwrap();
-            assert_eq!(bytes(&path, 10).err().map(|error| error.to_string()).as_deref(), right);
+            assert_eq!(
+                bytes(&path, 10)
+                    .err()
+                    .map(|error| error.to_string())
+                    .as_deref(),
+                right
+            );
         }
         file.set_len(1 << 40).unwrap();
-        assert!(refused(&path).contains("1099511627776 bytes"), "nothing of it was read");
+        assert!(
+            refused(&path).contains("1099511627776 bytes"),
+            "nothing of it was read"
+        );
         // The system reports a length of 0 for such a file.
         assert!(refused(Path::new("/proc/self/status")).contains("too long"));
         std::fs::write(&path, [0xFF, 0xFE]).unwrap();
-        assert_eq!(text(&path, 10).unwrap_err().to_string(), "it is not UTF-8 text");
+        assert_eq!(
+            text(&path, 10).unwrap_err().to_string(),
+            "it is not UTF-8 text"
+        );
     }
 }

@@ -68,7 +68,11 @@ fn put(path: &Path, bytes: &[u8], readers: Readers, how: RenameFlags) -> io::Res
 
 fn fill(new: &Path, bytes: &[u8], readers: Readers, directory: &Path) -> io::Result<()> {
     // Closed to others until it has its group.
-    let mut file = OpenOptions::new().write(true).create_new(true).mode(Readers::Owner.mode()).open(new)?;
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(Readers::Owner.mode())
+        .open(new)?;
     let group = fs::metadata(directory)?.gid();
     if file.metadata()?.gid() != group {
         // A user outside of that group cannot give a file to it, and reads what the file says as its own group does.
@@ -102,10 +106,20 @@ mod tests {
         create(&file, b"first", Readers::Owner).unwrap();
         let again = create(&file, b"second", Readers::All).unwrap_err();
         assert_eq!(again.kind(), io::ErrorKind::AlreadyExists);
-        assert_eq!((fs::read(&file).unwrap(), mode(&file)), (b"first".to_vec(), 0o600));
+        assert_eq!(
+            (fs::read(&file).unwrap(), mode(&file)),
+            (b"first".to_vec(), 0o600)
+        );
         replace(&file, b"third", Readers::Group).unwrap();
-        assert_eq!((fs::read(&file).unwrap(), mode(&file)), (b"third".to_vec(), 0o640));
-        assert_eq!(fs::read_dir(&*dir).unwrap().count(), 1, "nothing is left beside it");
+        assert_eq!(
+            (fs::read(&file).unwrap(), mode(&file)),
+            (b"third".to_vec(), 0o640)
+        );
+        assert_eq!(
+            fs::read_dir(&*dir).unwrap().count(),
+            1,
+            "nothing is left beside it"
+        );
     }
 
     #[test]
@@ -115,7 +129,10 @@ mod tests {
         fs::write(dir.join("key.pem.new"), "half").unwrap();
         fs::set_permissions(dir.join("key.pem.new"), fs::Permissions::from_mode(0o666)).unwrap();
         create(&file, b"whole", Readers::Owner).unwrap();
-        assert_eq!((fs::read(&file).unwrap(), mode(&file)), (b"whole".to_vec(), 0o600));
+        assert_eq!(
+            (fs::read(&file).unwrap(), mode(&file)),
+            (b"whole".to_vec(), 0o600)
+        );
     }
 
     #[test]

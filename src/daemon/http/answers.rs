@@ -6,7 +6,10 @@ use serde_json::Value;
 
 /// A document.
 pub(super) fn json(value: &Value) -> impl IntoResponse + use<> {
-    ([(header::CONTENT_TYPE, "application/json")], format!("{value}\n"))
+    (
+        [(header::CONTENT_TYPE, "application/json")],
+        format!("{value}\n"),
+    )
 }
 
 /// A refusal with its reason.

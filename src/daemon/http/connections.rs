@@ -39,7 +39,11 @@ pub(super) struct Patience {
 
 impl Default for Patience {
     fn default() -> Self {
-        Self { head: Duration::from_secs(10), connection: Duration::from_secs(300), piece: Duration::from_secs(10) }
+        Self {
+            head: Duration::from_secs(10),
+            connection: Duration::from_secs(300),
+            piece: Duration::from_secs(10),
+        }
     }
 }
 
@@ -66,7 +70,13 @@ pub(super) async fn converse(
     patience: Patience,
     lasting: Arc<Semaphore>,
 ) {
-    converse_by(stream, TowerToHyperService::new(router), patience, Lasting::new(lasting)).await;
+    converse_by(
+        stream,
+        TowerToHyperService::new(router),
+        patience,
+        Lasting::new(lasting),
+    )
+    .await;
 }
 
 /// The same with routes that know more about the connection.
@@ -77,7 +87,9 @@ pub(super) async fn converse_by(
     (lasting, life): (Lasting, Life),
 ) {
     let mut http = http1::Builder::new();
-    http.timer(TokioTimer::new()).header_read_timeout(patience.head).max_buf_size(HEAD_BYTES_MAX);
+    http.timer(TokioTimer::new())
+        .header_read_timeout(patience.head)
+        .max_buf_size(HEAD_BYTES_MAX);
     let service = service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(lasting.clone());
         service.call(request)

@@ -22,12 +22,22 @@ const HEADERS: [(HeaderName, HeaderValue); 3] = [
              base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
         ),
     ),
-    (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
-    (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
+    (
+        header::X_CONTENT_TYPE_OPTIONS,
+        HeaderValue::from_static("nosniff"),
+    ),
+    (
+        header::REFERRER_POLICY,
+        HeaderValue::from_static("no-referrer"),
+    ),
 ];
 
 /// Passes a request on to its route, or refuses it.
-pub(super) async fn look(State(front): State<Arc<ArcSwap<Front>>>, request: Request, next: Next) -> Response {
+pub(super) async fn look(
+    State(front): State<Arc<ArcSwap<Front>>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let is_api = request.uri().path().starts_with("/api/");
     let mut answer = match refused(&front.load(), &request) {
         Some(refused) => refused,
@@ -35,21 +45,37 @@ pub(super) async fn look(State(front): State<Arc<ArcSwap<Front>>>, request: Requ
     };
     answer.headers_mut().extend(HEADERS);
     if is_api {
-        answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        answer
+            .headers_mut()
+            .insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     }
     answer
 }
 
 fn refused(front: &Front, request: &Request) -> Option<Response> {
     // A connection may be older than the list.
-    let is_foreign = request.extensions().get::<Peer>().is_some_and(|Peer(peer)| !front.allows(*peer));
+    let is_foreign = request
+        .extensions()
+        .get::<Peer>()
+        .is_some_and(|Peer(peer)| !front.allows(*peer));
     if is_foreign {
-        return Some(refusal(StatusCode::FORBIDDEN, "your address is not in `allow` of [http]"));
+        return Some(refusal(
+            StatusCode::FORBIDDEN,
+            "your address is not in `allow` of [http]",
+        ));
     }
-    let said =
-        |name| request.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok()).unwrap_or_default();
+    let said = |name| {
+        request
+            .headers()
+            .get(name)
+            .and_then(|value: &HeaderValue| value.to_str().ok())
+            .unwrap_or_default()
+    };
     if is_of_another_site(said("sec-fetch-site"), said("sec-fetch-mode")) {
-        return Some(refusal(StatusCode::FORBIDDEN, "the request was sent by a page of another site"));
+        return Some(refusal(
+            StatusCode::FORBIDDEN,
+            "the request was sent by a page of another site",
+        ));
     }
     if is_called_right(front, request.headers()) {
         return None;
@@ -63,7 +89,9 @@ fn is_called_right(front: &Front, headers: &HeaderMap) -> bool {
     let mut called = headers.get_all(header::HOST).iter();
     match (called.next(), called.next()) {
         (None, _) => true,
-        (Some(host), None) => host.to_str().is_ok_and(|host| may_be_called(host, front.hosts())),
+        (Some(host), None) => host
+            .to_str()
+            .is_ok_and(|host| may_be_called(host, front.hosts())),
         (Some(_), Some(_)) => false,
     }
 }

@@ -86,20 +86,34 @@ pub(super) async fn serve(
             receive(stream, tls, guest, (patience, life)).await;
             drop(place);
         });
-        let held = Held { seat, peer, is_encrypted, task: task.abort_handle() };
+        let held = Held {
+            seat,
+            peer,
+            is_encrypted,
+            task: task.abort_handle(),
+        };
         places.held.borrow_mut().insert(number, held);
     }
 }
 
-async fn receive(stream: TcpStream, tls: Option<Arc<ServerConfig>>, guest: Guest, (patience, life): (Patience, Life)) {
+async fn receive(
+    stream: TcpStream,
+    tls: Option<Arc<ServerConfig>>,
+    guest: Guest,
+    (patience, life): (Patience, Life),
+) {
     let life = (guest.seat.lasting.clone(), life);
     let Some(tls) = tls else {
         return converse_by(Taking::new(stream, patience.piece), guest, patience, life).await;
     };
     let peer = guest.peer.0;
     match timeout(HANDSHAKE_MAX, TlsAcceptor::from(tls).accept(stream)).await {
-        Ok(Ok(stream)) => converse_by(Taking::new(stream, patience.piece), guest, patience, life).await,
-        Ok(Err(error)) => tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed"),
+        Ok(Ok(stream)) => {
+            converse_by(Taking::new(stream, patience.piece), guest, patience, life).await
+        }
+        Ok(Err(error)) => {
+            tracing::debug!(%peer, %error, "TLS handshake on the HTTP listener failed")
+        }
         Err(_) => tracing::debug!(%peer, "TLS handshake on the HTTP listener timed out"),
     }
 }
@@ -155,8 +169,18 @@ impl Places {
             places.make_room();
         }
         places.last.set(places.last.get() + 1);
-        let seat = Seat { is_asking: Cell::new(false), seen: Cell::new(clock::now()), lasting };
-        (Permit { places: Rc::clone(places), number: places.last.get() }, Rc::new(seat))
+        let seat = Seat {
+            is_asking: Cell::new(false),
+            seen: Cell::new(clock::now()),
+            lasting,
+        };
+        (
+            Permit {
+                places: Rc::clone(places),
+                number: places.last.get(),
+            },
+            Rc::new(seat),
+        )
     }
 
     /// Closes connections that would no longer be accepted: from a network that is not allowed, or without TLS where it
@@ -168,14 +192,27 @@ impl Places {
 
     fn send_away(&self, goes: impl Fn(&Held) -> bool) {
         // Closing gives the place back, which borrows the list.
-        let gone: Vec<_> = self.held.borrow_mut().extract_if(.., |_, held| goes(held)).collect();
+        let gone: Vec<_> = self
+            .held
+            .borrow_mut()
+            .extract_if(.., |_, held| goes(held))
+            .collect();
         gone.iter().for_each(|(_, held)| held.task.abort());
     }
 
     fn make_room(&self) {
         let mut held = self.held.borrow_mut();
-        let rank = |held: &Held| (held.seat.lasting.is_lasting(), held.seat.is_asking.get(), held.seat.seen.get());
-        let first = held.iter().min_by_key(|(_, it)| rank(it)).map(|(number, _)| *number);
+        let rank = |held: &Held| {
+            (
+                held.seat.lasting.is_lasting(),
+                held.seat.is_asking.get(),
+                held.seat.seen.get(),
+            )
+        };
+        let first = held
+            .iter()
+            .min_by_key(|(_, it)| rank(it))
+            .map(|(number, _)| *number);
         if let Some(gone) = first.and_then(|number| held.remove(&number)) {
             gone.task.abort();
         }

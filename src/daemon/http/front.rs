@@ -57,13 +57,30 @@ impl Front {
     /// Everything that is wrong with them, as text.
     pub fn read(settings: &HttpSettings) -> Result<Self, String> {
         let mut problems = Vec::new();
-        let users = settings.users.iter().filter_map(|user| read_user(user).map_err(|why| problems.push(why)).ok());
+        let users = settings
+            .users
+            .iter()
+            .filter_map(|user| read_user(user).map_err(|why| problems.push(why)).ok());
         let users = users.collect();
-        let tls = settings.tls.as_ref().and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
+        let tls = settings
+            .tls
+            .as_ref()
+            .and_then(|tls| read_tls(tls).map_err(|why| problems.push(why)).ok());
         if problems.is_empty() {
             let is_private = settings.view == Viewers::SignedIn;
-            let (allow, hosts, sets_up) = (settings.allow.clone(), hosts(&settings.hosts), settings.setup);
-            Ok(Self { allow, hosts, users, is_private, sets_up, tls })
+            let (allow, hosts, sets_up) = (
+                settings.allow.clone(),
+                hosts(&settings.hosts),
+                settings.setup,
+            );
+            Ok(Self {
+                allow,
+                hosts,
+                users,
+                is_private,
+                sets_up,
+                tls,
+            })
         } else {
             Err(problems.join("; "))
         }
@@ -91,7 +108,10 @@ impl Front {
 
     /// What `user` may do; `None` if there is no such user.
     pub(super) fn rights(&self, user: CommanderName) -> Option<&Rights> {
-        self.users.iter().find(|it| it.name == user).map(|it| &it.rights)
+        self.users
+            .iter()
+            .find(|it| it.name == user)
+            .map(|it| &it.rights)
     }
 
     /// Whether only users who have signed in see the drives.
@@ -106,7 +126,13 @@ impl Front {
 
     /// Whether `user` has the same password as in `other`.
     pub(super) fn knows_as(&self, other: &Self, user: CommanderName) -> bool {
-        let hash = |front: &Self| front.users.iter().find(|it| it.name == user).map(|it| it.hash.clone());
+        let hash = |front: &Self| {
+            front
+                .users
+                .iter()
+                .find(|it| it.name == user)
+                .map(|it| it.hash.clone())
+        };
         hash(self).is_some_and(|known| hash(other) == Some(known))
     }
 }
@@ -116,21 +142,30 @@ fn hosts(configured: &[String]) -> Vec<String> {
     let own = uname().nodename().to_string_lossy().to_ascii_lowercase();
     let first = own.split('.').next().unwrap_or_default().to_owned();
     let local = format!("{first}.local");
-    let own = [own, first, local].into_iter().filter(|name| !name.is_empty() && name != ".local");
+    let own = [own, first, local]
+        .into_iter()
+        .filter(|name| !name.is_empty() && name != ".local");
     configured.iter().cloned().chain(own).collect()
 }
 
 fn read_user(user: &UserSettings) -> Result<User, String> {
     let hash = match &user.hash {
         HashSource::Text(hash) => hash.clone(),
-        HashSource::File(path) => read_hash(path).map_err(|why| format!("{}: {why}", path.display()))?,
+        HashSource::File(path) => {
+            read_hash(path).map_err(|why| format!("{}: {why}", path.display()))?
+        }
     };
-    Ok(User { name: user.name, hash, rights: user.rights.clone() })
+    Ok(User {
+        name: user.name,
+        hash,
+        rights: user.rights.clone(),
+    })
 }
 
 fn read_hash(path: &Path) -> Result<StoredHash, String> {
     let text = secret_files::read(path).map_err(|error| error.to_string());
-    let hash = text.and_then(|text| StoredHash::parse(&text).map_err(|why| format!("the text {why}")));
+    let hash =
+        text.and_then(|text| StoredHash::parse(&text).map_err(|why| format!("the text {why}")));
     hash.map_err(|why| format!("{why}; right is what `vfd-gateway password` prints"))
 }
 
@@ -139,20 +174,36 @@ fn read_tls(tls: &HttpTls) -> Result<Tls, String> {
         (Ok(chain), Ok(key)) => (chain, key),
         (chain, key) => {
             let problems = [chain.err(), key.err()];
-            let problems: Vec<_> = problems.into_iter().flatten().map(|problem| problem.to_string()).collect();
+            let problems: Vec<_> = problems
+                .into_iter()
+                .flatten()
+                .map(|problem| problem.to_string())
+                .collect();
             return Err(problems.join("; "));
         }
     };
     let authority = authority::authority_of(&chain).cloned();
     // The provider is named, so that it does not matter what other parts of the process install.
     let builder = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()));
-    let builder = builder.with_safe_default_protocol_versions().map_err(|error| error.to_string())?;
-    let mut config = builder.with_no_client_auth().with_single_cert(chain, key).map_err(|error| match error {
-        rustls::Error::InconsistentKeys(_) => {
-            format!("{}: it does not match the key {}", tls.cert_file.display(), tls.key_file.display())
-        }
-        error => format!("{}: {error}", tls.cert_file.display()),
-    })?;
+    let builder = builder
+        .with_safe_default_protocol_versions()
+        .map_err(|error| error.to_string())?;
+    let mut config = builder
+        .with_no_client_auth()
+        .with_single_cert(chain, key)
+        .map_err(|error| match error {
+            rustls::Error::InconsistentKeys(_) => {
+                format!(
+                    "{}: it does not match the key {}",
+                    tls.cert_file.display(),
+                    tls.key_file.display()
+                )
+            }
+            error => format!("{}: {error}", tls.cert_file.display()),
+        })?;
     config.alpn_protocols = vec![b"http/1.1".to_vec()];
-    Ok(Tls { config: Arc::new(config), authority })
+    Ok(Tls {
+        config: Arc::new(config),
+        authority,
+    })
 }

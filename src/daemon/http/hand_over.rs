@@ -14,9 +14,14 @@ const EXPECTED: &str = r#"a body such as {"line": "hall-1"} is expected, or none
 
 /// Carries out what `body` asks for: one line, or all lines on which this gateway sends.
 pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Response {
-    let Ok(named) = line_in(body) else { return refusal(StatusCode::BAD_REQUEST, EXPECTED) };
+    let Ok(named) = line_in(body) else {
+        return refusal(StatusCode::BAD_REQUEST, EXPECTED);
+    };
     let Some(place) = side.place() else {
-        return refusal(StatusCode::SERVICE_UNAVAILABLE, "too many tools are served at once");
+        return refusal(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many tools are served at once",
+        );
     };
     let lines = match chosen(&side, named.as_deref()) {
         Ok(lines) => lines,
@@ -31,15 +36,28 @@ pub(super) async fn answer(side: Arc<LocalSide>, who: Who, body: &[u8]) -> Respo
         }
         ended
     });
-    let Ok(ended) = done.await else { return StatusCode::INTERNAL_SERVER_ERROR.into_response() };
-    let is_done = |outcome: &HandOver| *outcome == HandOver::HandedOver || named.is_none() && !was_tried(*outcome);
-    let status = if ended.iter().all(|(_, outcome)| is_done(outcome)) { StatusCode::OK } else { StatusCode::CONFLICT };
+    let Ok(ended) = done.await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let is_done = |outcome: &HandOver| {
+        *outcome == HandOver::HandedOver || named.is_none() && !was_tried(*outcome)
+    };
+    let status = if ended.iter().all(|(_, outcome)| is_done(outcome)) {
+        StatusCode::OK
+    } else {
+        StatusCode::CONFLICT
+    };
     let line = |(line, outcome): &(Arc<SharedLine>, HandOver)| {
-        let partner = line.standby.as_ref().map_or("the other one", |share| share.pair.partner.as_str());
+        let partner = line
+            .standby
+            .as_ref()
+            .map_or("the other one", |share| share.pair.partner.as_str());
         value!({ "line": line.name.as_str(), "outcome": outcome.word(), "message": outcome.message(partner) })
     };
     let lines: Vec<_> = ended.iter().map(line).collect();
-    let any = ended.iter().any(|(_, outcome)| *outcome == HandOver::HandedOver);
+    let any = ended
+        .iter()
+        .any(|(_, outcome)| *outcome == HandOver::HandedOver);
     (status, json(&value!({ "yielded": any, "lines": lines }))).into_response()
 }
 
@@ -68,19 +86,39 @@ fn line_in(body: &[u8]) -> Result<Option<String>, ()> {
 fn chosen(side: &LocalSide, named: Option<&str>) -> Result<Vec<Arc<SharedLine>>, Box<Response>> {
     let shared = side.shared();
     let Some(named) = named else {
-        return Ok(shared.lines.iter().filter(|line| line.standby.is_some()).cloned().collect());
+        return Ok(shared
+            .lines
+            .iter()
+            .filter(|line| line.standby.is_some())
+            .cloned()
+            .collect());
     };
-    let found = shared.lines.iter().find(|line| line.name.as_str() == named).cloned();
+    let found = shared
+        .lines
+        .iter()
+        .find(|line| line.name.as_str() == named)
+        .cloned();
     found.map(|line| vec![line]).ok_or_else(|| {
         let known: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
         let error = format!("there is no line `{named}`");
-        Box::new((StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response())
+        Box::new(
+            (
+                StatusCode::NOT_FOUND,
+                json(&value!({ "error": error, "lines": known })),
+            )
+                .into_response(),
+        )
     })
 }
 
 fn keep(side: &LocalSide, who: Who, line: &SharedLine, outcome: HandOver) {
     if let Some(report) = outcome.report() {
-        side.keep(who, None, Tried::Text(format!("standby yield {}", line.name)), report);
+        side.keep(
+            who,
+            None,
+            Tried::Text(format!("standby yield {}", line.name)),
+            report,
+        );
         tracing::info!(line = %line.name, by = %who.owner(), outcome = outcome.word(), "asked to give the line up");
     }
 }
@@ -114,12 +152,27 @@ mod tests {
         hears_other: false,
         listener: None,
         kept: 0,
-        trouble: StandbyTrouble { is_deaf: false, files_differ: false, unknown_station: None },
+        trouble: StandbyTrouble {
+            is_deaf: false,
+            files_differ: false,
+            unknown_station: None,
+        },
     };
-    const LISTENING: StandbyReport = StandbyReport { role: LineRole::Listening, given_up: 1, ..ACTIVE };
-    const HEARS: StandbyReport = StandbyReport { hears_other: true, ..LISTENING };
+    const LISTENING: StandbyReport = StandbyReport {
+        role: LineRole::Listening,
+        given_up: 1,
+        ..ACTIVE
+    };
+    const HEARS: StandbyReport = StandbyReport {
+        hears_other: true,
+        ..LISTENING
+    };
     const KEPT: StandbyReport = StandbyReport { kept: 1, ..ACTIVE };
-    const BACK: StandbyReport = StandbyReport { take_overs: 2, given_up: 1, ..ACTIVE };
+    const BACK: StandbyReport = StandbyReport {
+        take_overs: 2,
+        given_up: 1,
+        ..ACTIVE
+    };
 
     /// Keeps what was tried, by whom, and how it ended.
     #[derive(Debug, Default)]
@@ -127,9 +180,14 @@ mod tests {
 
     impl NorthJournal for Kept {
         fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
-            let Tried::Text(text) = attempt.tried else { panic!("{attempt:?}") };
+            let Tried::Text(text) = attempt.tried else {
+                panic!("{attempt:?}")
+            };
             assert_eq!(drive, None);
-            self.0.lock().unwrap().push((attempt.owner, text, attempt.report.unwrap().outcome));
+            self.0
+                .lock()
+                .unwrap()
+                .push((attempt.owner, text, attempt.report.unwrap().outcome));
         }
 
         fn event_taken(&self, _: u64) {}
@@ -140,13 +198,24 @@ mod tests {
     /// Lines with their reports; `None`: the line has no second gateway.
     fn side(lines: &[(&str, Option<StandbyReport>)], kept: &Arc<Kept>) -> Arc<LocalSide> {
         let name = |text: &str| Name::new(text).unwrap();
-        let pair = StandbyPair { half: name("a"), partner: name("b"), rank: 0, take_over_after: None };
+        let pair = StandbyPair {
+            half: name("a"),
+            partner: name("b"),
+            rank: 0,
+            take_over_after: None,
+        };
         let timing = Timing::for_models(Framing::Rtu, LinkSettings::DEFAULT, [], Duration::ZERO);
         let times = StandbyTimes::shortest(&timing, Duration::from_millis(600));
         let line = |(number, (text, report)): (u16, &(&str, Option<StandbyReport>))| {
-            let share = report.map(|_| StandbyShare { pair: pair.clone(), times });
+            let share = report.map(|_| StandbyShare {
+                pair: pair.clone(),
+                times,
+            });
             let line = SharedLine::new(number, name(text), Interface::Rs485, []).shared_with(share);
-            line.set_report(LineReport { standby: *report, ..LineReport::default() });
+            line.set_report(LineReport {
+                standby: *report,
+                ..LineReport::default()
+            });
             Arc::new(line)
         };
         let shared = Shared::of((0..).zip(lines).map(line).collect(), Arc::default());
@@ -156,7 +225,11 @@ mod tests {
 
     /// The answer to `body`, if the lines of `side` have these reports, one a second, once they are asked to yield.
     fn asked(side: &Arc<LocalSide>, body: &str, then: &'static [StandbyReport]) -> (u16, Value) {
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().start_paused(true).build().unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .start_paused(true)
+            .build()
+            .unwrap();
         tokio::task::LocalSet::new().block_on(&runtime, async {
             for line in side.shared().lines.iter().cloned() {
                 tokio::task::spawn_local(async move {
@@ -167,7 +240,10 @@ mod tests {
                             assert!(matches!(message, Message::Yield), "{message:?}");
                             for report in then {
                                 sleep(Duration::from_secs(1)).await;
-                                line.set_report(LineReport { standby: Some(*report), ..LineReport::default() });
+                                line.set_report(LineReport {
+                                    standby: Some(*report),
+                                    ..LineReport::default()
+                                });
                             }
                         }
                         sleep(Duration::from_millis(10)).await;
@@ -180,14 +256,24 @@ mod tests {
 
     fn outcomes(answer: &Value) -> Vec<(String, String)> {
         let word = |line: &Value, key: &str| line[key].as_str().unwrap().to_owned();
-        answer["lines"].as_array().unwrap().iter().map(|it| (word(it, "line"), word(it, "outcome"))).collect()
+        answer["lines"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| (word(it, "line"), word(it, "outcome")))
+            .collect()
     }
 
     #[test]
     fn a_line_is_given_up_and_what_came_of_it_is_told_and_kept() {
         let table: [(&'static [StandbyReport], u16, &str, Outcome); 6] = [
             (&[HEARS], 200, "handed_over", Outcome::Confirmed),
-            (&[LISTENING, LISTENING, HEARS], 200, "handed_over", Outcome::Confirmed),
+            (
+                &[LISTENING, LISTENING, HEARS],
+                200,
+                "handed_over",
+                Outcome::Confirmed,
+            ),
             (&[LISTENING, BACK], 409, "taken_back", Outcome::Failed),
             (&[LISTENING], 409, "taken_back", Outcome::Failed),
             (&[KEPT], 409, "no_other", Outcome::Failed),
@@ -197,7 +283,11 @@ mod tests {
             let kept = Arc::<Kept>::default();
             let side = side(&[("hall-1", Some(ACTIVE))], &kept);
             let (found, answer) = asked(&side, r#"{"line": "hall-1"}"#, then);
-            assert_eq!((found, outcomes(&answer)), (status, vec![("hall-1".to_owned(), word.to_owned())]), "{answer}");
+            assert_eq!(
+                (found, outcomes(&answer)),
+                (status, vec![("hall-1".to_owned(), word.to_owned())]),
+                "{answer}"
+            );
             assert_eq!(answer["yielded"], status == 200);
             let row = (Owner::Local, "standby yield hall-1".to_owned(), outcome);
             assert_eq!(*kept.0.lock().unwrap(), [row]);
@@ -207,17 +297,30 @@ mod tests {
     #[test]
     fn without_a_name_only_lines_on_which_it_sends_are_given_up() {
         let kept = Arc::<Kept>::default();
-        let side = side(&[("own", None), ("far", Some(HEARS)), ("near", Some(ACTIVE))], &kept);
+        let side = side(
+            &[("own", None), ("far", Some(HEARS)), ("near", Some(ACTIVE))],
+            &kept,
+        );
         for body in ["", "null", "{}"] {
-            side.shared().lines[2].set_report(LineReport { standby: Some(ACTIVE), ..LineReport::default() });
+            side.shared().lines[2].set_report(LineReport {
+                standby: Some(ACTIVE),
+                ..LineReport::default()
+            });
             let (status, answer) = asked(&side, body, &[HEARS]);
             let expected = [("far", "not_active"), ("near", "handed_over")];
-            let expected: Vec<_> = expected.iter().map(|(line, it)| ((*line).to_owned(), (*it).to_owned())).collect();
+            let expected: Vec<_> = expected
+                .iter()
+                .map(|(line, it)| ((*line).to_owned(), (*it).to_owned()))
+                .collect();
             assert_eq!((status, outcomes(&answer)), (200, expected), "{answer}");
         }
         // Now it sends on none.
         let (status, answer) = asked(&side, "{}", &[]);
-        assert_eq!((status, &answer["yielded"]), (200, &Value::Bool(false)), "{answer}");
+        assert_eq!(
+            (status, &answer["yielded"]),
+            (200, &Value::Bool(false)),
+            "{answer}"
+        );
     }
 
     #[test]
@@ -226,14 +329,31 @@ mod tests {
         let side = side(&[("own", None), ("far", Some(HEARS))], &kept);
         for (name, word) in [("own", "alone"), ("far", "not_active")] {
             let (status, answer) = asked(&side, &value!({ "line": name }).to_string(), &[]);
-            assert_eq!((status, outcomes(&answer)), (409, vec![(name.to_owned(), word.to_owned())]), "{answer}");
+            assert_eq!(
+                (status, outcomes(&answer)),
+                (409, vec![(name.to_owned(), word.to_owned())]),
+                "{answer}"
+            );
         }
         let (status, answer) = asked(&side, r#"{"line": "hall-9"}"#, &[]);
-        assert_eq!((status, &answer["lines"]), (404, &value!(["own", "far"])), "{answer}");
-        for body in ["{", r#"{"line": 1}"#, r#"{"lines": "own"}"#, "[]", r#"{"line": "own", "now": true}"#] {
+        assert_eq!(
+            (status, &answer["lines"]),
+            (404, &value!(["own", "far"])),
+            "{answer}"
+        );
+        for body in [
+            "{",
+            r#"{"line": 1}"#,
+            r#"{"lines": "own"}"#,
+            "[]",
+            r#"{"line": "own", "now": true}"#,
+        ] {
             assert_eq!(asked(&side, body, &[]).0, 400, "{body}");
         }
         let alone = self::side(&[("own", None)], &kept);
-        assert_eq!(asked(&alone, "", &[]), (200, value!({ "yielded": false, "lines": [] })));
+        assert_eq!(
+            asked(&alone, "", &[]),
+            (200, value!({ "yielded": false, "lines": [] }))
+        );
     }
 }

@@ -40,13 +40,24 @@ pub(super) fn health(state: &State, now: MonoTime) -> Value {
 
 /// The names of all lines.
 pub(super) fn line_names(state: &State) -> Vec<String> {
-    state.shared.load().lines.iter().map(|line| line.name.to_string()).collect()
+    state
+        .shared
+        .load()
+        .lines
+        .iter()
+        .map(|line| line.name.to_string())
+        .collect()
 }
 
 fn line(line: &SharedLine) -> Value {
     let report = line.report();
     let reason = report.down_reason();
-    let LineReport { state, suspicion, standby, .. } = report;
+    let LineReport {
+        state,
+        suspicion,
+        standby,
+        ..
+    } = report;
     let state = match state {
         LineState::Up => "up",
         LineState::Down => "down",
@@ -107,32 +118,44 @@ fn mqtt(state: &State) -> Value {
 }
 
 fn sparkplug(state: &State) -> Value {
-    state.sparkplug.load().as_ref().map_or(Value::Null, |sparkplug| {
-        json!({
-            "connected": sparkplug.is_connected(),
-            "reason": sparkplug.lost_reason(),
-            "contested": sparkplug.is_contested(),
-            "host_awaited": sparkplug.counters().host_awaited > 0,
-            "host_behind_ms": sparkplug.counters().host_behind_ms,
-            "oversized": oversized(&sparkplug.oversized()),
-            "history_waiting": sparkplug.counters().history_waiting,
+    state
+        .sparkplug
+        .load()
+        .as_ref()
+        .map_or(Value::Null, |sparkplug| {
+            json!({
+                "connected": sparkplug.is_connected(),
+                "reason": sparkplug.lost_reason(),
+                "contested": sparkplug.is_contested(),
+                "host_awaited": sparkplug.counters().host_awaited > 0,
+                "host_behind_ms": sparkplug.counters().host_behind_ms,
+                "oversized": oversized(&sparkplug.oversized()),
+                "history_waiting": sparkplug.counters().history_waiting,
+            })
         })
-    })
 }
 
 fn oversized(all: &[Oversized]) -> Vec<Value> {
-    let one = |Oversized { topic, bytes, limit }: &Oversized| json!({ "topic": topic, "bytes": bytes, "limit": limit });
+    let one = |Oversized {
+                   topic,
+                   bytes,
+                   limit,
+               }: &Oversized| json!({ "topic": topic, "bytes": bytes, "limit": limit });
     all.iter().map(one).collect()
 }
 
 fn socket(state: &State) -> Value {
-    let Some(socket) = &state.socket else { return Value::Null };
+    let Some(socket) = &state.socket else {
+        return Value::Null;
+    };
     let reason = socket.refusal();
     json!({ "state": if reason.is_none() { "ok" } else { "missing" }, "reason": reason })
 }
 
 fn journal(state: &State) -> Value {
-    let Some(journal) = &state.journal else { return Value::Null };
+    let Some(journal) = &state.journal else {
+        return Value::Null;
+    };
     let report = journal.report();
     json!({
         "state": report.state.word(),

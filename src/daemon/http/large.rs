@@ -41,11 +41,19 @@ impl Room {
     /// `bytes` in pieces; `None` if there is no room for as many.
     pub fn pieces(&self, bytes: Bytes) -> Option<Pieces> {
         if bytes.len() <= PIECE_BYTES {
-            return Some(Pieces { rest: bytes, room: None });
+            return Some(Pieces {
+                rest: bytes,
+                room: None,
+            });
         }
-        let kib = u32::try_from(bytes.len().div_ceil(1024)).unwrap_or(u32::MAX).min(KIB_MAX);
+        let kib = u32::try_from(bytes.len().div_ceil(1024))
+            .unwrap_or(u32::MAX)
+            .min(KIB_MAX);
         let room = Arc::clone(&self.0).try_acquire_many_owned(kib).ok()?;
-        Some(Pieces { rest: bytes, room: Some(room) })
+        Some(Pieces {
+            rest: bytes,
+            room: Some(room),
+        })
     }
 }
 
@@ -64,7 +72,10 @@ impl HttpBody for Pieces {
     type Data = Bytes;
     type Error = Infallible;
 
-    fn poll_frame(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, Infallible>>> {
         Poll::Ready(self.next().map(|piece| Ok(Frame::data(piece))))
     }
 
@@ -82,13 +93,20 @@ pub(super) async fn look(State(room): State<Room>, request: Request, next: Next)
     let path = request.uri().path();
     let is_made = path.starts_with("/api/") || path == "/metrics";
     let answer = next.run(request).await;
-    let is_large = answer.body().size_hint().exact().is_some_and(|bytes| bytes > PIECE_BYTES as u64);
+    let is_large = answer
+        .body()
+        .size_hint()
+        .exact()
+        .is_some_and(|bytes| bytes > PIECE_BYTES as u64);
     if !(is_made && is_large) {
         return answer;
     }
     let (head, body) = answer.into_parts();
     // It is complete already: its length is known.
-    let pieces = to_bytes(body, usize::MAX).await.ok().and_then(|bytes| room.pieces(bytes));
+    let pieces = to_bytes(body, usize::MAX)
+        .await
+        .ok()
+        .and_then(|bytes| room.pieces(bytes));
     match pieces {
         Some(pieces) => Response::from_parts(head, Body::new(pieces)),
         None => {
@@ -108,14 +126,22 @@ mod tests {
     #[test]
     fn large_answers_share_their_room_and_give_it_back() {
         let room = Room::default();
-        let mut large: Vec<_> = (0..8).map(|_| room.pieces(vec![1; 1024 * 1024].into()).unwrap()).collect();
+        let mut large: Vec<_> = (0..8)
+            .map(|_| room.pieces(vec![1; 1024 * 1024].into()).unwrap())
+            .collect();
         assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_none());
-        assert!(room.pieces(vec![1; PIECE_BYTES].into()).is_some(), "small ones are bounded by their connections");
+        assert!(
+            room.pieces(vec![1; PIECE_BYTES].into()).is_some(),
+            "small ones are bounded by their connections"
+        );
         large.pop();
         assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_some());
         large.clear();
         let mut all = room.pieces(vec![1; 20 * 1024 * 1024].into()).unwrap();
-        assert!(room.pieces(vec![1; PIECE_BYTES + 1].into()).is_none(), "it waits alone");
+        assert!(
+            room.pieces(vec![1; PIECE_BYTES + 1].into()).is_none(),
+            "it waits alone"
+        );
         let mut taken = 0;
         while let Some(piece) = all.next() {
             assert!(piece.len() <= PIECE_BYTES);

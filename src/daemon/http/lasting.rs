@@ -60,7 +60,10 @@ impl Lasting {
     pub fn stay(&self) -> Option<Stay> {
         let place = Arc::clone(&self.places).try_acquire_owned().ok()?;
         self.used.send_replace(Use::Lasting);
-        Some(Stay { used: self.used.clone(), _place: place })
+        Some(Stay {
+            used: self.used.clone(),
+            _place: place,
+        })
     }
 }
 

@@ -42,32 +42,70 @@ impl Collector for Scrape {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let state = &self.state;
         let shared = self.state.shared.get();
-        let version = vec![("version", env!("CARGO_PKG_VERSION")), ("gateway", &state.gateway)];
+        let version = vec![
+            ("version", env!("CARGO_PKG_VERSION")),
+            ("gateway", &state.gateway),
+        ];
         gauges(&mut encoder, &table::BUILD, [(version, 1.0)])?;
-        each(&mut encoder, table::GATEWAY, || [(Vec::new(), state.as_ref())])?;
-        let reports: Vec<_> = shared.lines.iter().map(|line| (line.name.as_str(), line.report())).collect();
-        each(&mut encoder, table::LINE, || reports.iter().map(|(name, report)| (vec![("line", *name)], report)))?;
-        let drives: Vec<_> = shared.drives.iter().map(|drive| (drive.as_ref(), drive.view.load_full())).collect();
-        each(&mut encoder, table::DRIVE, || drives.iter().map(|(drive, view)| (labels(drive), view.as_ref())))?;
+        each(&mut encoder, table::GATEWAY, || {
+            [(Vec::new(), state.as_ref())]
+        })?;
+        let reports: Vec<_> = shared
+            .lines
+            .iter()
+            .map(|line| (line.name.as_str(), line.report()))
+            .collect();
+        each(&mut encoder, table::LINE, || {
+            reports
+                .iter()
+                .map(|(name, report)| (vec![("line", *name)], report))
+        })?;
+        let drives: Vec<_> = shared
+            .drives
+            .iter()
+            .map(|drive| (drive.as_ref(), drive.view.load_full()))
+            .collect();
+        each(&mut encoder, table::DRIVE, || {
+            drives
+                .iter()
+                .map(|(drive, view)| (labels(drive), view.as_ref()))
+        })?;
         each(&mut encoder, table::THREAD, || {
-            shared.lines.iter().map(|line| (vec![("line", line.name.as_str())], line.as_ref()))
+            shared
+                .lines
+                .iter()
+                .map(|line| (vec![("line", line.name.as_str())], line.as_ref()))
         })?;
         self.stations(&mut encoder, &shared)?;
         self.registers(&mut encoder, &drives)?;
-        each(&mut encoder, table::MODBUS, || [(Vec::new(), state.modbus.as_ref())])?;
+        each(&mut encoder, table::MODBUS, || {
+            [(Vec::new(), state.modbus.as_ref())]
+        })?;
         let serial = state.modbus.serial().all();
-        each(&mut encoder, table::SERIAL, || serial.iter().map(|it| (vec![("master", it.master())], it.as_ref())))?;
+        each(&mut encoder, table::SERIAL, || {
+            serial
+                .iter()
+                .map(|it| (vec![("master", it.master())], it.as_ref()))
+        })?;
         let reads = state.modbus.reads().all();
-        each(&mut encoder, table::READS, || reads.iter().map(|it| (vec![("listener", it.listener())], it.as_ref())))?;
+        each(&mut encoder, table::READS, || {
+            reads
+                .iter()
+                .map(|it| (vec![("listener", it.listener())], it.as_ref()))
+        })?;
         self.exceptions(&mut encoder)?;
         if let Some(mqtt) = state.mqtt.load().as_ref() {
             each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;
         }
         if let Some(sparkplug) = state.sparkplug.load().as_ref() {
-            each(&mut encoder, table::SPARKPLUG, || [(Vec::new(), sparkplug.as_ref())])?;
+            each(&mut encoder, table::SPARKPLUG, || {
+                [(Vec::new(), sparkplug.as_ref())]
+            })?;
         }
         if let Some(socket) = &state.socket {
-            each(&mut encoder, table::SOCKET, || [(Vec::new(), socket.as_ref())])?;
+            each(&mut encoder, table::SOCKET, || {
+                [(Vec::new(), socket.as_ref())]
+            })?;
         }
         if let Some(report) = state.journal.as_ref().map(|journal| journal.report()) {
             each(&mut encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
@@ -78,24 +116,41 @@ impl Collector for Scrape {
 
 impl Scrape {
     /// The polled registers of all drives, as far as they are fresh.
-    fn registers(&self, encoder: &mut DescriptorEncoder<'_>, drives: &[(&SharedDrive, Arc<DriveView>)]) -> fmt::Result {
-        let ages = drives.iter().filter_map(|(drive, view)| Some((labels(drive), age(drive, view, self.now)?)));
+    fn registers(
+        &self,
+        encoder: &mut DescriptorEncoder<'_>,
+        drives: &[(&SharedDrive, Arc<DriveView>)],
+    ) -> fmt::Result {
+        let ages = drives
+            .iter()
+            .filter_map(|(drive, view)| Some((labels(drive), age(drive, view, self.now)?)));
         gauges(encoder, &table::VALUE_AGE, ages)?;
         let warns = drives.iter().filter_map(|(drive, view)| {
             let warns = shown::warns(&drive.description, view, self.now)?;
             Some((labels(drive), f64::from(u8::from(warns))))
         });
         gauges(encoder, &table::WARNING, warns)?;
-        let fresh = || drives.iter().flat_map(|(drive, view)| fresh(drive, view, self.now));
+        let fresh = || {
+            drives
+                .iter()
+                .flat_map(|(drive, view)| fresh(drive, view, self.now))
+        };
         let is_output = |register: &Register| register.role == Some(Role::OutputFrequency);
         let output = fresh().filter(|(_, register, _)| is_output(register));
-        gauges(encoder, &table::OUTPUT_FREQUENCY, output.map(|(drive, _, value)| (labels(drive), value)))?;
+        gauges(
+            encoder,
+            &table::OUTPUT_FREQUENCY,
+            output.map(|(drive, _, value)| (labels(drive), value)),
+        )?;
         let others = fresh().filter(|(_, register, _)| !is_output(register));
         gauges(
             encoder,
             &table::VALUE,
             others.map(|(drive, register, value)| {
-                let more = [("name", register.name.as_str()), ("unit", register.unit.symbol())];
+                let more = [
+                    ("name", register.name.as_str()),
+                    ("unit", register.unit.symbol()),
+                ];
                 ([labels(drive), more.to_vec()].concat(), value)
             }),
         )
@@ -103,19 +158,31 @@ impl Scrape {
 
     /// How the lines see their drives.
     fn stations(&self, encoder: &mut DescriptorEncoder<'_>, shared: &Shared) -> fmt::Result {
-        let stations: Vec<_> = shared.drives.iter().map(|it| (it.as_ref(), it.station.load_full())).collect();
-        each(encoder, table::STATION, || stations.iter().map(|(drive, station)| (labels(drive), station.as_ref())))?;
+        let stations: Vec<_> = shared
+            .drives
+            .iter()
+            .map(|it| (it.as_ref(), it.station.load_full()))
+            .collect();
+        each(encoder, table::STATION, || {
+            stations
+                .iter()
+                .map(|(drive, station)| (labels(drive), station.as_ref()))
+        })?;
         let replies = || {
             stations.iter().flat_map(|(drive, station)| {
                 let classes = REPLY_CLASSES.into_iter().zip(&station.replies);
-                classes.map(|(class, reply)| ([labels(drive), vec![("class", class)]].concat(), reply))
+                classes
+                    .map(|(class, reply)| ([labels(drive), vec![("class", class)]].concat(), reply))
             })
         };
         each(encoder, table::REPLIES, replies)?;
         let known = replies().filter(|(_, reply)| reply.count > 0);
         let times = known.flat_map(|(labels, reply)| {
             table::QUANTILES.into_iter().map(move |(share, time)| {
-                ([labels.as_slice(), &[("share", share)]].concat(), time(reply).as_secs_f64())
+                (
+                    [labels.as_slice(), &[("share", share)]].concat(),
+                    time(reply).as_secs_f64(),
+                )
             })
         });
         gauges(encoder, &table::REPLY_TIME, times)?;
@@ -123,14 +190,22 @@ impl Scrape {
         let mut family = begin(encoder, &table::REPLY, unit.as_ref())?;
         for (drive, station) in &stations {
             for (class, counts) in REPLY_CLASSES.into_iter().zip(&station.reply_counts) {
-                histogram(&mut family, &[labels(drive), vec![("class", class)]].concat(), counts)?;
+                histogram(
+                    &mut family,
+                    &[labels(drive), vec![("class", class)]].concat(),
+                    counts,
+                )?;
             }
         }
         let mut family = begin(encoder, &table::COMMANDS, None)?;
         for (drive, station) in &stations {
             for (source, outcome, count) in station.commands.iter() {
                 let more = vec![("source", source), ("outcome", outcome.word())];
-                sample(&mut family, &[labels(drive), more].concat(), Value::Count(count))?;
+                sample(
+                    &mut family,
+                    &[labels(drive), more].concat(),
+                    Value::Count(count),
+                )?;
             }
         }
         Ok(())
@@ -139,8 +214,16 @@ impl Scrape {
     fn exceptions(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let mut family = begin(encoder, &table::MODBUS_EXCEPTIONS, None)?;
         for (code, count) in self.state.modbus.counters().exceptions.iter().enumerate() {
-            let code = if code == 0 { "other".to_owned() } else { format!("{code:02X}") };
-            sample(&mut family, &vec![("code", code.as_str())], Value::Count(*count))?;
+            let code = if code == 0 {
+                "other".to_owned()
+            } else {
+                format!("{code:02X}")
+            };
+            sample(
+                &mut family,
+                &vec![("code", code.as_str())],
+                Value::Count(*count),
+            )?;
         }
         Ok(())
     }
@@ -148,7 +231,12 @@ impl Scrape {
 
 /// The age of the oldest fast value of `drive`; `None` while one was never read.
 fn age(drive: &SharedDrive, view: &DriveView, now: MonoTime) -> Option<f64> {
-    let fast = drive.description.model.registers.iter().filter(|register| register.poll == Some(PollClass::Fast));
+    let fast = drive
+        .description
+        .model
+        .registers
+        .iter()
+        .filter(|register| register.poll == Some(PollClass::Fast));
     let ages = fast.map(|register| Some(now.since(view.snapshot.read_at(register)?)));
     let oldest = ages.collect::<Option<Vec<_>>>()?.into_iter().max()?;
     Some(oldest.as_secs_f64())
@@ -161,14 +249,21 @@ fn fresh<'a>(
     now: MonoTime,
 ) -> impl Iterator<Item = (&'a SharedDrive, &'a Register, f64)> {
     let description = &drive.description;
-    description.model.registers.iter().filter_map(move |register| {
-        let reading = description.fresh(register, &view.snapshot, now)?;
-        Some((drive, register, reading.value.value()))
-    })
+    description
+        .model
+        .registers
+        .iter()
+        .filter_map(move |register| {
+            let reading = description.fresh(register, &view.snapshot, now)?;
+            Some((drive, register, reading.value.value()))
+        })
 }
 
 fn labels(drive: &SharedDrive) -> Labels<'_> {
-    vec![("line", drive.description.line.as_str()), ("drive", drive.description.name.as_str())]
+    vec![
+        ("line", drive.description.line.as_str()),
+        ("drive", drive.description.name.as_str()),
+    ]
 }
 
 /// Each metric of `metrics` with a sample of each of `sources`.
@@ -230,7 +325,11 @@ enum Value {
 
 fn sample(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, value: Value) -> fmt::Result {
     // Without labels no braces are written: some parsers reject empty ones.
-    if labels.is_empty() { write(family, value) } else { write(&mut family.encode_family(labels)?, value) }
+    if labels.is_empty() {
+        write(family, value)
+    } else {
+        write(&mut family.encode_family(labels)?, value)
+    }
 }
 
 fn write(encoder: &mut MetricEncoder<'_>, value: Value) -> fmt::Result {
@@ -242,13 +341,20 @@ fn write(encoder: &mut MetricEncoder<'_>, value: Value) -> fmt::Result {
 }
 
 /// Reply times of one class, if there were any.
-fn histogram(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, counts: &ReplyCounts) -> fmt::Result {
+fn histogram(
+    family: &mut MetricEncoder<'_>,
+    labels: &Labels<'_>,
+    counts: &ReplyCounts,
+) -> fmt::Result {
     let count = counts.count();
     if count == 0 {
         return Ok(());
     }
     let end = |end: Option<Duration>| end.map_or(f64::INFINITY, |end| end.as_secs_f64());
-    let buckets: Vec<_> = counts.buckets().map(|(until, count)| (end(until), count)).collect();
+    let buckets: Vec<_> = counts
+        .buckets()
+        .map(|(until, count)| (end(until), count))
+        .collect();
     let mut encoder = family.encode_family(labels)?;
     encoder.encode_histogram::<NoLabelSet>(counts.sum().as_secs_f64(), count, &buckets, None)
 }
@@ -256,10 +362,15 @@ fn histogram(family: &mut MetricEncoder<'_>, labels: &Labels<'_>, counts: &Reply
 /// The same metrics as the older text format of Prometheus has them: a counter is described by the name of its samples,
 /// and there are neither units nor an end mark.
 pub(super) fn older(text: &str) -> String {
-    let counters: HashSet<_> =
-        text.lines().filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter")).collect();
+    let counters: HashSet<_> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter"))
+        .collect();
     let mut older = String::with_capacity(text.len());
-    for line in text.lines().filter(|line| !line.starts_with("# UNIT ") && *line != "# EOF") {
+    for line in text
+        .lines()
+        .filter(|line| !line.starts_with("# UNIT ") && *line != "# EOF")
+    {
         let mut words = line.splitn(4, ' ');
         match (words.next(), words.next(), words.next(), words.next()) {
             (Some("#"), Some(what), Some(name), Some(rest)) if counters.contains(name) => {

@@ -60,7 +60,8 @@ pub async fn serve(listener: TcpListener, documents: Documents, control: Arc<Con
     let front = Arc::clone(control.front());
     let changed = Arc::clone(control.changed());
     let diagnostics = Arc::new(Diagnostics::new(documents.clone()));
-    let router = routes::router(documents).merge(control::router(Arc::clone(&control), diagnostics));
+    let router =
+        routes::router(documents).merge(control::router(Arc::clone(&control), diagnostics));
     let router = router.layer(from_fn_with_state(control, control::view));
     let router = router.layer(from_fn_with_state(large::Room::default(), large::look));
     let router = router.layer(from_fn_with_state(Arc::clone(&front), doorkeeper::look));

@@ -39,24 +39,43 @@ pub(super) fn router(side: Arc<LocalSide>) -> Router {
 }
 
 async fn look(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
-    let Some(_place) = side.place() else { return too_many(&name) };
+    let Some(_place) = side.place() else {
+        return too_many(&name);
+    };
     match find(&side, &name) {
         Some(drive) => json(&setup::look(&side, &drive).await).into_response(),
         None => unknown(&side, &name),
     }
 }
 
-async fn set(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn set(
+    State(side): State<Arc<LocalSide>>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Response {
     match addresses(&body) {
         Some(addresses) => carry_out(side, name, SettingRequest::Setup(addresses)).await,
-        None => not_understood(&name, format!("a body such as {EXAMPLE} is expected, with 1 to {}", Go::REGISTERS_MAX)),
+        None => not_understood(
+            &name,
+            format!(
+                "a body such as {EXAMPLE} is expected, with 1 to {}",
+                Go::REGISTERS_MAX
+            ),
+        ),
     }
 }
 
-async fn set_watchdog(State(side): State<Arc<LocalSide>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn set_watchdog(
+    State(side): State<Arc<LocalSide>>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Response {
     match watchdog_time(&body) {
         Some(time) => carry_out(side, name, SettingRequest::Watchdog(time)).await,
-        None => not_understood(&name, format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off")),
+        None => not_understood(
+            &name,
+            format!("a body such as {WATCHDOG_EXAMPLE} is expected, with null for off"),
+        ),
     }
 }
 
@@ -69,14 +88,23 @@ enum SettingRequest {
 }
 
 async fn carry_out(side: Arc<LocalSide>, name: String, wish: SettingRequest) -> Response {
-    let Some(place) = side.place() else { return too_many(&name) };
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(place) = side.place() else {
+        return too_many(&name);
+    };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     // A client that disconnects does not cancel the order; its outcome is logged.
     let carried_out = tokio::spawn(async move {
         let _place = place;
         match wish {
             SettingRequest::Setup(addresses) => {
-                setup::set(&side, &drive, addresses.into_iter().map(Address::holding).collect()).await
+                setup::set(
+                    &side,
+                    &drive,
+                    addresses.into_iter().map(Address::holding).collect(),
+                )
+                .await
             }
             SettingRequest::Watchdog(time) => watchdog::set(&side, &drive, time).await,
         }
@@ -95,7 +123,9 @@ pub(super) fn not_understood(name: &str, message: String) -> Response {
 
 /// Sets what the drive has used back to 0. The answer has the sums before.
 async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     let before = shown::usage(&drive.view.load());
     if !side.reset_usage(Who::TOOL, drive.description.place) {
         return too_many(&name);
@@ -104,7 +134,10 @@ async fn reset_usage(State(side): State<Arc<LocalSide>>, Path(name): Path<String
     json(&serde_json::json!({ "drive": name, "before": before })).into_response()
 }
 
-async fn confirm_standstill(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
+async fn confirm_standstill(
+    State(side): State<Arc<LocalSide>>,
+    Path(name): Path<String>,
+) -> Response {
     match find(&side, &name) {
         Some(drive) => standstill::confirm(&side, Who::TOOL, &drive),
         None => unknown(&side, &name),
@@ -152,17 +185,30 @@ fn reload_answer(done: &Reloaded) -> Value {
 }
 
 pub(super) fn find(side: &LocalSide, name: &str) -> Option<Arc<SharedDrive>> {
-    side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
+    side.shared()
+        .drives
+        .iter()
+        .find(|drive| drive.description.name.as_str() == name)
+        .cloned()
 }
 
 pub(super) fn unknown(side: &LocalSide, name: &str) -> Response {
     let mut answer = refusal(name, Reason::UnknownDrive);
-    answer["drives"] = side.shared().drives.iter().map(|drive| drive.description.name.as_str()).collect();
+    answer["drives"] = side
+        .shared()
+        .drives
+        .iter()
+        .map(|drive| drive.description.name.as_str())
+        .collect();
     (StatusCode::NOT_FOUND, json(&answer)).into_response()
 }
 
 pub(super) fn too_many(name: &str) -> Response {
-    (StatusCode::SERVICE_UNAVAILABLE, json(&refusal(name, Reason::QueueFull))).into_response()
+    (
+        StatusCode::SERVICE_UNAVAILABLE,
+        json(&refusal(name, Reason::QueueFull)),
+    )
+        .into_response()
 }
 
 fn refusal(name: &str, reason: Reason) -> Value {

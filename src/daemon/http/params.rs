@@ -32,12 +32,17 @@ pub(super) fn router() -> Router<Arc<LocalSide>> {
     Router::new()
         .route("/api/v1/drives/{name}/params", get(list))
         .route("/api/v1/drives/{name}/params/commit", post(commit))
-        .route("/api/v1/drives/{name}/params/{address}", get(look).post(set))
+        .route(
+            "/api/v1/drives/{name}/params/{address}",
+            get(look).post(set),
+        )
 }
 
 /// The list of parameters. It requests nothing from the drive.
 async fn list(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     let description = &drive.description;
     let model = &*drive.description.model;
     let shown = json!({
@@ -68,7 +73,9 @@ fn parameter(model: &Model, register: &Register) -> Value {
 
 /// The word that follows the last parameter that is restored; `null` if the drive needs none.
 fn commit_word(model: &Model) -> Value {
-    let stated = [CommitEffect::Store, CommitEffect::Apply].into_iter().find_map(|it| model.commit.stated(it));
+    let stated = [CommitEffect::Store, CommitEffect::Apply]
+        .into_iter()
+        .find_map(|it| model.commit.stated(it));
     let last = model.last_commit().or(stated.map(|fact| &fact.value));
     last.map_or(Value::Null, |word| {
         let is_sent = model.commit(word.effect).is_some();
@@ -84,8 +91,12 @@ fn left_out(model: &Model) -> Vec<Value> {
             Some("a command register, which cannot be read")
         }
         (false, _) => Some("write-only"),
-        _ if register.address.table() != Table::Holding => Some("not a parameter: no holding register"),
-        (true, _) if register.code.is_none() => Some("not a parameter: the vendor has no code for it"),
+        _ if register.address.table() != Table::Holding => {
+            Some("not a parameter: no holding register")
+        }
+        (true, _) if register.code.is_none() => {
+            Some("not a parameter: the vendor has no code for it")
+        }
         (true, _) => None,
     };
     let left_out = model.registers.iter().filter_map(|register| {
@@ -97,22 +108,39 @@ fn left_out(model: &Model) -> Vec<Value> {
 
 /// A group of parameters, including those that the model does not describe: the drive may or may not have them.
 fn others(model: &Model, group: &Group) -> Value {
-    let unknown = model.addresses_of(group).filter(|address| !model.has_word_at(*address)).map(Address::number);
+    let unknown = model
+        .addresses_of(group)
+        .filter(|address| !model.has_word_at(*address))
+        .map(Address::number);
     json!({ "name": group.name, "unknown": unknown.collect::<Vec<_>>() })
 }
 
 /// The present value of one of them.
-async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>) -> Response {
-    let Some(_place) = side.place() else { return too_many(&name) };
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+async fn look(
+    State(side): State<Arc<LocalSide>>,
+    Path((name, address)): Path<(String, u16)>,
+) -> Response {
+    let Some(_place) = side.place() else {
+        return too_many(&name);
+    };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     let model = &drive.description.model;
     let register = readable(&drive, address);
     // What no register stands for is read as the number that it is, where it lies in a group of parameters.
-    let in_group = model.code_in_group(address.into()).filter(|_| !model.has_word_at(address.into()));
-    let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else { return no_parameter(&name, address) };
+    let in_group = model
+        .code_in_group(address.into())
+        .filter(|_| !model.has_word_at(address.into()));
+    let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else {
+        return no_parameter(&name, address);
+    };
     // Some drives do not answer for a parameter that they do not have and would count as silent: not while the motor
     // turns.
-    let at_rest = matches!(run_state(&drive.view.load()), RunState::Stopped | RunState::Tripped);
+    let at_rest = matches!(
+        run_state(&drive.view.load()),
+        RunState::Stopped | RunState::Tripped
+    );
     let found = match register {
         None if !at_rest => Err(Report::refused(Reason::Moving)),
         _ => read(&side, &drive, address).await,
@@ -125,11 +153,22 @@ async fn look(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(S
 }
 
 /// Writes one of them.
-async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(String, u16)>, body: Bytes) -> Response {
-    let Some(place) = side.place() else { return too_many(&name) };
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+async fn set(
+    State(side): State<Arc<LocalSide>>,
+    Path((name, address)): Path<(String, u16)>,
+    body: Bytes,
+) -> Response {
+    let Some(place) = side.place() else {
+        return too_many(&name);
+    };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     let Some(raw) = parameter_number(&body) else {
-        return not_understood(&name, format!("a body such as {PARAMETER_EXAMPLE} is expected"));
+        return not_understood(
+            &name,
+            format!("a body such as {PARAMETER_EXAMPLE} is expected"),
+        );
     };
     if readable(&drive, address).is_none() {
         return no_parameter(&name, address);
@@ -147,10 +186,19 @@ async fn set(State(side): State<Arc<LocalSide>>, Path((name, address)): Path<(St
 
 /// Lets the drive take over or store what was written.
 async fn commit(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) -> Response {
-    let Some(place) = side.place() else { return too_many(&name) };
-    let Some(drive) = find(&side, &name) else { return unknown(&side, &name) };
+    let Some(place) = side.place() else {
+        return too_many(&name);
+    };
+    let Some(drive) = find(&side, &name) else {
+        return unknown(&side, &name);
+    };
     let Some(word) = drive.description.model.last_commit().cloned() else {
-        return answer(&outcome_at(&drive, Report::refused(Reason::NotCapable), Vec::new())).into_response();
+        return answer(&outcome_at(
+            &drive,
+            Report::refused(Reason::NotCapable),
+            Vec::new(),
+        ))
+        .into_response();
     };
     // A client that disconnects does not cancel the order; its outcome is logged.
     let carried_out = tokio::spawn(async move {
@@ -159,9 +207,15 @@ async fn commit(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) ->
         let Some(go) = Go::new(vec![write], None, None) else {
             return outcome_at(&drive, Report::refused(Reason::NotUnderstood), Vec::new());
         };
-        let report = side.command(Who::TOOL, drive.description.place, Order::Go(go)).await;
+        let report = side
+            .command(Who::TOOL, drive.description.place, Order::Go(go))
+            .await;
         let name = drive.description.name.as_str();
-        let (does, result, reason) = (word.effect.word(), report.outcome.word(), report.reason.word());
+        let (does, result, reason) = (
+            word.effect.word(),
+            report.outcome.word(),
+            report.reason.word(),
+        );
         tracing::info!(drive = name, by = %Owner::Local, does, outcome = result, reason, "parameters committed");
         outcome_at(&drive, report, Vec::new())
     });
@@ -172,12 +226,17 @@ async fn commit(State(side): State<Arc<LocalSide>>, Path(name): Path<String>) ->
 }
 
 fn readable(drive: &SharedDrive, address: u16) -> Option<&Register> {
-    drive.description.model.parameters().find(|register| register.address == address)
+    drive
+        .description
+        .model
+        .parameters()
+        .find(|register| register.address == address)
 }
 
 fn no_parameter(name: &str, address: u16) -> Response {
     let mut refusal = outcome(name, Report::refused(Reason::NotListed), Vec::new());
-    refusal["message"] = format!("the model has no parameter at 0x{address:04X} that can be read").into();
+    refusal["message"] =
+        format!("the model has no parameter at 0x{address:04X} that can be read").into();
     (StatusCode::UNPROCESSABLE_ENTITY, answer(&refusal)).into_response()
 }
 
@@ -186,7 +245,9 @@ async fn read(side: &LocalSide, drive: &SharedDrive, address: u16) -> Result<u32
     let register = readable(drive, address);
     let count = register.map_or(1, |register| register.form.words());
     let deadline = clock::now() + READ_WITHIN;
-    let words = side.read_words(drive.description.place, address.into(), count, deadline).await?;
+    let words = side
+        .read_words(drive.description.place, address.into(), count, deadline)
+        .await?;
     match (register.and_then(|register| register.form.pair), &words[..]) {
         (Some(order), [first, second]) => Ok(order.number([*first, *second])),
         (None, [word]) => Ok(u32::from(*word)),
@@ -197,7 +258,9 @@ async fn read(side: &LocalSide, drive: &SharedDrive, address: u16) -> Result<u32
 /// The number and its meaning, if it is more than a number.
 fn number(register: Option<&Register>, raw: u32) -> Value {
     let of_two = register.and_then(|register| Some((register, register.form.pair?)));
-    let Some((register, order)) = of_two else { return word(register, (raw & 0xFFFF) as u16) };
+    let Some((register, order)) = of_two else {
+        return word(register, (raw & 0xFFFF) as u16);
+    };
     let words = order.words(raw);
     let value = register.value(|address| address.word_in(register.address, &words));
     json!({ "raw": raw, "text": value.map(|value| format!("{value} {}", register.unit)) })
@@ -205,7 +268,10 @@ fn number(register: Option<&Register>, raw: u32) -> Value {
 
 /// The write of `raw` to the register at `address`; `None` if its words do not hold that.
 fn written(model: &Model, address: u16, raw: u32) -> Option<RegisterWrite> {
-    match model.writable_at(address).and_then(|register| register.form.pair) {
+    match model
+        .writable_at(address)
+        .and_then(|register| register.form.pair)
+    {
         Some(order) => Some(RegisterWrite::pair(address, order.words(raw))),
         None => Some(RegisterWrite::new(address, u16::try_from(raw).ok()?)),
     }
@@ -219,7 +285,16 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let place = description.place;
     let old = match read(side, drive, address).await {
         Ok(old) => old,
-        Err(failed) => return outcome_at(drive, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
+        Err(failed) => {
+            return outcome_at(
+                drive,
+                Report {
+                    outcome: Outcome::Refused,
+                    ..failed
+                },
+                Vec::new(),
+            );
+        }
     };
     let Some(write) = written(model, address, new) else {
         return outcome(name, Report::refused(Reason::OutsideRange), Vec::new());
@@ -232,5 +307,9 @@ async fn write(side: &LocalSide, drive: &SharedDrive, address: u16, new: u32) ->
     let result = report.outcome.word();
     let reason = report.reason.word();
     tracing::info!(drive = name, by = %Owner::Local, what, old, new, outcome = result, reason, "parameter set");
-    outcome_at(drive, report, vec![json!({ "what": what, "address": address, "old": old, "new": new })])
+    outcome_at(
+        drive,
+        report,
+        vec![json!({ "what": what, "address": address, "old": old, "new": new })],
+    )
 }

@@ -41,17 +41,29 @@ impl History {
     /// An empty history.
     #[must_use]
     pub fn new(known: Arc<Known>) -> Self {
-        Self { known, moments: Mutex::default(), places: Semaphore::new(WAITING_MAX) }
+        Self {
+            known,
+            moments: Mutex::default(),
+            places: Semaphore::new(WAITING_MAX),
+        }
     }
 
     /// The line with this number as it was some minutes ago; `None` if it did not exist then.
     fn oldest(&self, number: u16) -> Option<Arc<LineSeen>> {
-        self.moments.lock().unwrap_or_else(PoisonError::into_inner).front()?.get(&number).cloned()
+        self.moments
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .front()?
+            .get(&number)
+            .cloned()
     }
 
     /// Stores the present state of all lines.
     fn remember(&self, lines: &[Arc<SharedLine>]) {
-        let now = lines.iter().map(|line| (line.number, Arc::new(look(line)))).collect();
+        let now = lines
+            .iter()
+            .map(|line| (line.number, Arc::new(look(line))))
+            .collect();
         let mut moments = self.moments.lock().unwrap_or_else(PoisonError::into_inner);
         if moments.len() >= MOMENTS {
             moments.pop_front();
@@ -70,20 +82,40 @@ pub async fn remember(history: Arc<History>) {
 
 /// The route of the reports.
 pub(super) fn router(history: Arc<History>) -> Router {
-    Router::new().route("/api/v1/lines/{name}/report", get(report)).with_state(history)
+    Router::new()
+        .route("/api/v1/lines/{name}/report", get(report))
+        .with_state(history)
 }
 
-async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, uri: Uri) -> Response {
+async fn report(
+    State(history): State<Arc<History>>,
+    Path(name): Path<String>,
+    uri: Uri,
+) -> Response {
     let gateway = &history.known;
-    let find = || gateway.shared.get().lines.iter().find(|line| line.name.as_str() == name).cloned();
+    let find = || {
+        gateway
+            .shared
+            .get()
+            .lines
+            .iter()
+            .find(|line| line.name.as_str() == name)
+            .cloned()
+    };
     let Some(line) = find() else {
         let known = line_names(gateway);
         let error = format!("there is no line called {name}");
-        return (StatusCode::NOT_FOUND, json(&value!({ "error": error, "lines": known }))).into_response();
+        return (
+            StatusCode::NOT_FOUND,
+            json(&value!({ "error": error, "lines": known })),
+        )
+            .into_response();
     };
     let Some(span) = span(uri.query()) else {
         let (first, last) = SPAN_SECONDS.into_inner();
-        let error = format!("seconds={first} to seconds={last} is expected, or no query for the last minutes");
+        let error = format!(
+            "seconds={first} to seconds={last} is expected, or no query for the last minutes"
+        );
         return (StatusCode::BAD_REQUEST, json(&value!({ "error": error }))).into_response();
     };
     let (before, line) = match span {
@@ -91,7 +123,11 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
         Some(span) => {
             let Ok(_place) = history.places.try_acquire() else {
                 let error = format!("{WAITING_MAX} reports are already in progress");
-                return (StatusCode::SERVICE_UNAVAILABLE, json(&value!({ "error": error }))).into_response();
+                return (
+                    StatusCode::SERVICE_UNAVAILABLE,
+                    json(&value!({ "error": error })),
+                )
+                    .into_response();
             };
             let before = Arc::new(look(&line));
             tokio::time::sleep(span).await;
@@ -106,14 +142,25 @@ async fn report(State(history): State<Arc<History>>, Path(name): Path<String>, u
 /// The span of `query`: `Some(None)` without a query, `Some(Some(span))` for `seconds=N` alone, `None` for anything
 /// else.
 fn span(query: Option<&str>) -> Option<Option<Duration>> {
-    let Some(query) = query.filter(|query| !query.is_empty()) else { return Some(None) };
-    let seconds = query.strip_prefix("seconds=")?.parse().ok().filter(|seconds| SPAN_SECONDS.contains(seconds))?;
+    let Some(query) = query.filter(|query| !query.is_empty()) else {
+        return Some(None);
+    };
+    let seconds = query
+        .strip_prefix("seconds=")?
+        .parse()
+        .ok()
+        .filter(|seconds| SPAN_SECONDS.contains(seconds))?;
     Some(Some(Duration::from_secs(seconds)))
 }
 
 /// The line as it is now.
 fn look(line: &SharedLine) -> LineSeen {
-    let stations = line.wiring.stations.iter().copied().chain(std::iter::repeat(Station(0)));
+    let stations = line
+        .wiring
+        .stations
+        .iter()
+        .copied()
+        .chain(std::iter::repeat(Station(0)));
     let now = clock::now();
     let drives = line.drives.iter().zip(stations).map(|(drive, station)| {
         let view = drive.view.load();
@@ -125,7 +172,11 @@ fn look(line: &SharedLine) -> LineSeen {
             report: drive.station.load_full(),
         }
     });
-    LineSeen { at: now, report: line.report(), drives: drives.collect() }
+    LineSeen {
+        at: now,
+        report: line.report(),
+        drives: drives.collect(),
+    }
 }
 
 #[cfg(test)]
@@ -157,15 +208,24 @@ mod tests {
     }
 
     fn answered(state: &Known, replies: u64) {
-        let exchanges = ExchangeCounts { replies, ..ExchangeCounts::default() };
-        let station = StationReport { exchanges, ..StationReport::default() };
-        state.shared.load().drives[0].station.store(Arc::new(station));
+        let exchanges = ExchangeCounts {
+            replies,
+            ..ExchangeCounts::default()
+        };
+        let station = StationReport {
+            exchanges,
+            ..StationReport::default()
+        };
+        state.shared.load().drives[0]
+            .station
+            .store(Arc::new(station));
     }
 
     fn told(documents: &Documents, path: &str) -> (u16, Value) {
         on_a_runtime(async {
             let address = serve_documents(documents.clone(), Patience::default()).await;
-            let (status, body) = answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
+            let (status, body) =
+                answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await;
             (status, serde_json::from_str(&body).unwrap())
         })
     }
@@ -175,7 +235,8 @@ mod tests {
         let documents = Documents::new(state(false));
         let state = Arc::clone(&documents.state);
         show(&state, UP, online(clock::now()));
-        let exchanges = || told(&documents, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
+        let exchanges =
+            || told(&documents, "/api/v1/lines/hall-1/report").1["rates"]["exchanges"].clone();
         answered(&state, 40);
         assert_eq!(exchanges(), 40, "since the start");
         for replies in (100..).step_by(10).take(MOMENTS + 2) {
@@ -190,12 +251,29 @@ mod tests {
     fn what_cannot_be_reported_is_said() {
         let documents = Documents::new(state(false));
         let (status, body) = told(&documents, "/api/v1/lines/attic/report");
-        assert_eq!((status, &body["lines"]), (404, &serde_json::json!(["hall-1"])));
+        assert_eq!(
+            (status, &body["lines"]),
+            (404, &serde_json::json!(["hall-1"]))
+        );
         let (status, body) = told(&documents, "/api/v1/lines/hall-1/report?seconds=500");
         assert_eq!(status, 400);
-        assert!(body["error"].as_str().unwrap().contains("seconds=240"), "{body}");
-        let _all = documents.history.places.try_acquire_many(WAITING_MAX as u32).unwrap();
-        assert_eq!(told(&documents, "/api/v1/lines/hall-1/report?seconds=1").0, 503);
-        assert_eq!(told(&documents, "/api/v1/lines/hall-1/report").0, 200, "this one waits for nothing");
+        assert!(
+            body["error"].as_str().unwrap().contains("seconds=240"),
+            "{body}"
+        );
+        let _all = documents
+            .history
+            .places
+            .try_acquire_many(WAITING_MAX as u32)
+            .unwrap();
+        assert_eq!(
+            told(&documents, "/api/v1/lines/hall-1/report?seconds=1").0,
+            503
+        );
+        assert_eq!(
+            told(&documents, "/api/v1/lines/hall-1/report").0,
+            200,
+            "this one waits for nothing"
+        );
     }
 }

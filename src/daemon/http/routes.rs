@@ -48,7 +48,11 @@ impl Documents {
 
 /// The routes for every client. Other paths are answered with 404, other methods than GET with 405.
 pub(super) fn router(documents: Documents) -> Router {
-    let Documents { state, live, history } = documents;
+    let Documents {
+        state,
+        live,
+        history,
+    } = documents;
     super::page::router()
         .route("/authority.crt", get(authority))
         .route("/healthz", get(alive))
@@ -64,10 +68,16 @@ pub(super) fn router(documents: Documents) -> Router {
 /// The authority behind the certificate of the page, for clients that are to trust it. On the socket there is none.
 async fn authority(of: Option<Extension<Authority>>) -> Response {
     match of.and_then(|Extension(authority)| authority.0) {
-        Some(certificate) => {
-            ([(header::CONTENT_TYPE, CERTIFICATE_TYPE)], Vec::from(certificate.as_ref())).into_response()
-        }
-        None => (StatusCode::NOT_FOUND, "the chain in `cert_file` does not end with an authority\n").into_response(),
+        Some(certificate) => (
+            [(header::CONTENT_TYPE, CERTIFICATE_TYPE)],
+            Vec::from(certificate.as_ref()),
+        )
+            .into_response(),
+        None => (
+            StatusCode::NOT_FOUND,
+            "the chain in `cert_file` does not end with an authority\n",
+        )
+            .into_response(),
     }
 }
 
@@ -75,16 +85,29 @@ async fn authority(of: Option<Extension<Authority>>) -> Response {
 /// should then be restarted.
 async fn alive(State(gateway): State<Arc<Gateway>>) -> Response {
     let shared = gateway.shared.get();
-    let hung: Vec<_> = shared.lines.iter().filter(|line| line.hangs()).map(|line| line.name.as_str()).collect();
+    let hung: Vec<_> = shared
+        .lines
+        .iter()
+        .filter(|line| line.hangs())
+        .map(|line| line.name.as_str())
+        .collect();
     if hung.is_empty() {
         return "ok\n".into_response();
     }
-    (StatusCode::SERVICE_UNAVAILABLE, format!("lines whose threads hang: {}\n", hung.join(", "))).into_response()
+    (
+        StatusCode::SERVICE_UNAVAILABLE,
+        format!("lines whose threads hang: {}\n", hung.join(", ")),
+    )
+        .into_response()
 }
 
 async fn ready(State(gateway): State<Arc<Gateway>>) -> Response {
     let readiness = health::readiness(&gateway);
-    let status = if readiness["ready"] == true { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    let status = if readiness["ready"] == true {
+        StatusCode::OK
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
     (status, json(&readiness)).into_response()
 }
 
@@ -93,11 +116,16 @@ async fn healthy(State(gateway): State<Arc<Gateway>>) -> Response {
 }
 
 async fn measured(State(gateway): State<Arc<Gateway>>, headers: HeaderMap) -> Response {
-    let accepted = headers.get(header::ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
+    let accepted = headers
+        .get(header::ACCEPT)
+        .and_then(|accept| accept.to_str().ok())
+        .unwrap_or_default();
     match metrics::text(gateway, clock::now()) {
-        Ok(text) if accepted.contains("text/plain") && !accepted.contains("openmetrics") => {
-            ([(header::CONTENT_TYPE, OLDER_METRICS)], metrics::older(&text)).into_response()
-        }
+        Ok(text) if accepted.contains("text/plain") && !accepted.contains("openmetrics") => (
+            [(header::CONTENT_TYPE, OLDER_METRICS)],
+            metrics::older(&text),
+        )
+            .into_response(),
         Ok(text) => ([(header::CONTENT_TYPE, OPEN_METRICS)], text).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }

@@ -10,7 +10,9 @@ use crate::domain::link::Interface;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveRef;
 use crate::north::shown::message;
-use crate::profile::model::{CommitEffect, Identity, Model, Register, RunForm, SetupItem, Watchdog};
+use crate::profile::model::{
+    CommitEffect, Identity, Model, Register, RunForm, SetupItem, Watchdog,
+};
 use crate::profile::scale::Scaled;
 use serde_json::{Map, Value, json};
 use std::time::Duration;
@@ -28,14 +30,28 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
     let items: Vec<_> = concerned(side, drive).collect();
     let watchdog = model.watchdog.as_ref();
     let identity = model.identity.as_ref();
-    let addresses = identity.map(|it| it.address).into_iter().chain(items.iter().filter_map(|item| item.address));
-    let addresses = addresses.chain(watchdog.map(|it| it.time)).chain(watchdog.and_then(|it| it.action));
+    let addresses = identity
+        .map(|it| it.address)
+        .into_iter()
+        .chain(items.iter().filter_map(|item| item.address));
+    let addresses = addresses
+        .chain(watchdog.map(|it| it.time))
+        .chain(watchdog.and_then(|it| it.action));
     let found = read(side, description.place, addresses).await;
-    let found_at = |address| found.iter().find(|(at, _)| *at == address).map(|(_, found)| found);
-    let seen: Vec<_> = items.into_iter().map(|item| (item, item.address.and_then(found_at))).collect();
+    let found_at = |address| {
+        found
+            .iter()
+            .find(|(at, _)| *at == address)
+            .map(|(_, found)| found)
+    };
+    let seen: Vec<_> = items
+        .into_iter()
+        .map(|item| (item, item.address.and_then(found_at)))
+        .collect();
     let is_right = seen.iter().all(|(item, found)| is_right(item, *found));
     let is_watched = watchdog.is_none_or(|watchdog| matches!(found_at(watchdog.time), Some(Ok(_))));
-    let identity = identity.map(|identity| shown_identity(drive, identity, found_at(identity.address)));
+    let identity =
+        identity.map(|identity| shown_identity(drive, identity, found_at(identity.address)));
     let is_it = identity.as_ref().is_none_or(|it| it["result"] == "right");
     json!({
         "drive": description.name.as_str(),
@@ -54,17 +70,31 @@ pub(super) async fn look(side: &LocalSide, drive: &SharedDrive) -> Value {
 pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, addresses: Vec<Address>) -> Value {
     let name = &drive.description.name;
     let place = drive.description.place;
-    let items: Vec<_> = concerned(side, drive).filter(|item| is_among(item, &addresses)).collect();
-    if !addresses.iter().all(|address| items.iter().any(|item| item.address == Some(*address))) {
-        return outcome(name.as_str(), Report::refused(Reason::NotCapable), Vec::new());
+    let items: Vec<_> = concerned(side, drive)
+        .filter(|item| is_among(item, &addresses))
+        .collect();
+    if !addresses
+        .iter()
+        .all(|address| items.iter().any(|item| item.address == Some(*address)))
+    {
+        return outcome(
+            name.as_str(),
+            Report::refused(Reason::NotCapable),
+            Vec::new(),
+        );
     }
     let old = read(side, place, addresses.iter().copied()).await;
-    let report = side.command(Who::TOOL, place, Order::Setup(addresses)).await;
+    let report = side
+        .command(Who::TOOL, place, Order::Setup(addresses))
+        .await;
     let mut changes = Vec::with_capacity(items.len());
     for item in items {
         let what = item.what.as_str();
         let new = item.written();
-        let old = old.iter().find(|(at, _)| Some(*at) == item.address).and_then(|(_, found)| found.as_ref().ok());
+        let old = old
+            .iter()
+            .find(|(at, _)| Some(*at) == item.address)
+            .and_then(|(_, found)| found.as_ref().ok());
         let outcome = report.outcome.word();
         let reason = report.reason.word();
         tracing::info!(drive = %name, by = %Owner::Local, what, old, new, outcome, reason, "set for bus control");
@@ -94,8 +124,14 @@ pub(super) fn outcome(name: &str, report: Report, changes: Vec<Value>) -> Value 
 }
 
 /// The items that concern the drive's line, in the model's order.
-fn concerned<'d>(side: &LocalSide, drive: &'d SharedDrive) -> impl Iterator<Item = &'d SetupItem> + use<'d> {
-    let interface = side.shared().line(drive.description.place).map(|line| line.interface);
+fn concerned<'d>(
+    side: &LocalSide,
+    drive: &'d SharedDrive,
+) -> impl Iterator<Item = &'d SetupItem> + use<'d> {
+    let interface = side
+        .shared()
+        .line(drive.description.place)
+        .map(|line| line.interface);
     let concerns = move |of: Option<Interface>| of.is_none() || of == interface;
     let description = &drive.description;
     let bus = description.bus();
@@ -104,11 +140,16 @@ fn concerned<'d>(side: &LocalSide, drive: &'d SharedDrive) -> impl Iterator<Item
 }
 
 fn is_among(item: &SetupItem, addresses: &[Address]) -> bool {
-    item.address.is_some_and(|address| addresses.contains(&address))
+    item.address
+        .is_some_and(|address| addresses.contains(&address))
 }
 
 /// Reads each register once, one after the other.
-async fn read(side: &LocalSide, place: DriveRef, addresses: impl Iterator<Item = Address>) -> Vec<(Address, Found)> {
+async fn read(
+    side: &LocalSide,
+    place: DriveRef,
+    addresses: impl Iterator<Item = Address>,
+) -> Vec<(Address, Found)> {
     let deadline = clock::now() + READ_WITHIN;
     let mut found: Vec<(Address, Found)> = Vec::new();
     for address in addresses {
@@ -139,21 +180,40 @@ fn shown_item(model: &Model, item: &SetupItem, found: Option<&Found>) -> Value {
     let mut shown = seen(model, register, found);
     shown.insert("what".to_owned(), item.what.as_str().into());
     shown.insert("text".to_owned(), item.text.as_str().into());
-    shown.insert("address".to_owned(), item.address.map(Address::number).into());
-    let wanted = item.values.value.iter().map(|value| word(register, *value)).collect::<Vec<_>>();
+    shown.insert(
+        "address".to_owned(),
+        item.address.map(Address::number).into(),
+    );
+    let wanted = item
+        .values
+        .value
+        .iter()
+        .map(|value| word(register, *value))
+        .collect::<Vec<_>>();
     shown.insert("wanted".to_owned(), wanted.into());
     shown.insert("result".to_owned(), result.into());
     shown.into()
 }
 
 /// Whether the drive is the one that the configuration names, and which one it is otherwise.
-fn shown_identity(drive: &SharedDrive, identity: &Identity, found: Option<&Found>) -> Map<String, Value> {
+fn shown_identity(
+    drive: &SharedDrive,
+    identity: &Identity,
+    found: Option<&Found>,
+) -> Map<String, Value> {
     let description = &drive.description;
-    let qualified = description.control.as_ref().and_then(|control| control.qualified_drive());
-    let qualified = qualified.filter(|(address, _)| *address == identity.address).map(|(_, word)| word & identity.mask);
+    let qualified = description
+        .control
+        .as_ref()
+        .and_then(|control| control.qualified_drive());
+    let qualified = qualified
+        .filter(|(address, _)| *address == identity.address)
+        .map(|(_, word)| word & identity.mask);
     let (result, other) = match found {
         Some(Ok(word)) if !identity.is_right(*word) => ("wrong", identity.other(*word)),
-        Some(Ok(word)) if qualified.is_some_and(|qualified| qualified != word & identity.mask) => ("not_tried", None),
+        Some(Ok(word)) if qualified.is_some_and(|qualified| qualified != word & identity.mask) => {
+            ("not_tried", None)
+        }
         Some(Ok(_)) => ("right", None),
         Some(Err(_)) | None => ("not_answered", None),
     };
@@ -176,7 +236,11 @@ fn shown_watchdog<'f>(
     let model = &*drive.description.model;
     let register = model.register_at(watchdog.time);
     let found = found_at(watchdog.time);
-    let judged = drive.view.load().watchdog.map(|watchdog| watchdog.state.word());
+    let judged = drive
+        .view
+        .load()
+        .watchdog
+        .map(|watchdog| watchdog.state.word());
     let state = match found {
         Some(Ok(word)) if *word == watchdog.off.value => "off",
         Some(Ok(_)) => "on",
@@ -199,21 +263,39 @@ fn shown_watchdog<'f>(
 }
 
 /// The word that was read, or why it could not be.
-pub(super) fn seen(model: &Model, register: Option<&Register>, found: Option<&Found>) -> Map<String, Value> {
+pub(super) fn seen(
+    model: &Model,
+    register: Option<&Register>,
+    found: Option<&Found>,
+) -> Map<String, Value> {
     let failure = found.and_then(|found| found.as_ref().err());
-    let held = found.and_then(|found| found.as_ref().ok()).map(|held| word(register, *held));
+    let held = found
+        .and_then(|found| found.as_ref().ok())
+        .map(|held| word(register, *held));
     shown_or_why_not(model, held, failure)
 }
 
 /// A value that was read, or why it could not be.
-pub(super) fn shown_or_why_not(model: &Model, word: Option<Value>, failure: Option<&Report>) -> Map<String, Value> {
+pub(super) fn shown_or_why_not(
+    model: &Model,
+    word: Option<Value>,
+    failure: Option<&Report>,
+) -> Map<String, Value> {
     let keys = [
         ("found", word.unwrap_or(Value::Null)),
         ("reason", failure.map(|report| report.reason.word()).into()),
-        ("message", failure.map(|report| message(model, report)).into()),
-        ("exception", failure.and_then(|report| report.exception).into()),
+        (
+            "message",
+            failure.map(|report| message(model, report)).into(),
+        ),
+        (
+            "exception",
+            failure.and_then(|report| report.exception).into(),
+        ),
     ];
-    keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
+    keys.into_iter()
+        .map(|(key, value)| (key.to_owned(), value))
+        .collect()
 }
 
 /// A word and its meaning, if it is more than a number.

@@ -61,7 +61,13 @@ impl OwnSocket {
         let lock = Lock::take(directory)?;
         let path = directory.join(SOCKET_NAME);
         let reachable = Arc::default();
-        let mut own = Self { listener: None, is_made: false, path, reachable, _lock: lock };
+        let mut own = Self {
+            listener: None,
+            is_made: false,
+            path,
+            reachable,
+            _lock: lock,
+        };
         if let Err(error) = own.make() {
             tracing::error!(%error, "ALARM: cannot create the local command socket; control continues");
         }
@@ -91,7 +97,8 @@ impl OwnSocket {
         if let Some(listener) = self.listener.take() {
             let data_dir = self.path.parent().map(Path::to_owned).unwrap_or_default();
             let trials = qualify::router(Arc::clone(&side), data_dir);
-            let diagnostics = diagnostics::own_router(Arc::new(Diagnostics::new(documents.clone())));
+            let diagnostics =
+                diagnostics::own_router(Arc::new(Diagnostics::new(documents.clone())));
             let own = own_routes::router(side).merge(trials).merge(diagnostics);
             let router = routes::router(documents).merge(own);
             connections::serve(listener, router, Patience::default()).await;
@@ -99,9 +106,14 @@ impl OwnSocket {
     }
 
     fn make(&mut self) -> Result<(), SocketError> {
-        let made = remove_dead(&self.path)
-            .and_then(|()| listen(&self.path).map_err(|error| SocketError::System { path: self.path.clone(), error }));
-        self.reachable.set(made.as_ref().err().map(ToString::to_string));
+        let made = remove_dead(&self.path).and_then(|()| {
+            listen(&self.path).map_err(|error| SocketError::System {
+                path: self.path.clone(),
+                error,
+            })
+        });
+        self.reachable
+            .set(made.as_ref().err().map(ToString::to_string));
         self.listener = Some(made?);
         self.is_made = true;
         Ok(())
@@ -121,11 +133,17 @@ impl Drop for OwnSocket {
 fn remove_dead(path: &Path) -> Result<(), SocketError> {
     match rustix::fs::lstat(path) {
         Ok(stat) if FileType::from_raw_mode(stat.st_mode) == FileType::Socket => {
-            std::fs::remove_file(path).map_err(|error| SocketError::System { path: path.to_owned(), error })
+            std::fs::remove_file(path).map_err(|error| SocketError::System {
+                path: path.to_owned(),
+                error,
+            })
         }
         Ok(_) => Err(SocketError::NoSocket(path.to_owned())),
         Err(rustix::io::Errno::NOENT) => Ok(()),
-        Err(error) => Err(SocketError::System { path: path.to_owned(), error: error.into() }),
+        Err(error) => Err(SocketError::System {
+            path: path.to_owned(),
+            error: error.into(),
+        }),
     }
 }
 

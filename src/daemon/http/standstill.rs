@@ -12,14 +12,26 @@ use axum::response::{IntoResponse, Response};
 /// Tells the line of `drive` that `who` confirms it. It ends what is told of the drive, and sends nothing.
 pub(super) fn confirm(side: &LocalSide, who: Who, drive: &SharedDrive) -> Response {
     if !drive.view.load().sight.may_still_run {
-        let why = "there is nothing to confirm: the drive is in sight, or it was seen at standstill";
+        let why =
+            "there is nothing to confirm: the drive is in sight, or it was seen at standstill";
         return refusal(StatusCode::CONFLICT, why);
     }
     let (shared, place) = (side.shared(), drive.description.place);
     let message = Message::ConfirmStandstill(place.drive, who.owner());
-    if shared.inbox(place).is_none_or(|inbox| inbox.put(message).is_err()) {
-        return refusal(StatusCode::SERVICE_UNAVAILABLE, "the drive's line takes no messages");
+    if shared
+        .inbox(place)
+        .is_none_or(|inbox| inbox.put(message).is_err())
+    {
+        return refusal(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "the drive's line takes no messages",
+        );
     }
     tracing::info!(drive = %drive.description.name, by = %who.owner(), "confirmed that the motor stands");
-    json(&outcome_at(drive, Report::new(Outcome::Acknowledged, Reason::None), Vec::new())).into_response()
+    json(&outcome_at(
+        drive,
+        Report::new(Outcome::Acknowledged, Reason::None),
+        Vec::new(),
+    ))
+    .into_response()
 }

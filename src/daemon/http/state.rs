@@ -42,7 +42,17 @@ impl State {
     /// Whether all lines are open and the broker is connected, if there is one.
     #[must_use]
     pub fn is_ready(&self) -> bool {
-        let lines_are_up = self.shared.load().lines.iter().all(|line| line.report().state == LineState::Up);
-        lines_are_up && self.mqtt.load().as_ref().is_none_or(|mqtt| mqtt.is_connected())
+        let lines_are_up = self
+            .shared
+            .load()
+            .lines
+            .iter()
+            .all(|line| line.report().state == LineState::Up);
+        lines_are_up
+            && self
+                .mqtt
+                .load()
+                .as_ref()
+                .is_none_or(|mqtt| mqtt.is_connected())
     }
 }

@@ -22,7 +22,11 @@ pub(super) struct Taking<S> {
 impl<S> Taking<S> {
     /// A connection over `stream`, with `within` for each piece.
     pub(super) const fn new(stream: S, within: Duration) -> Self {
-        Self { stream, within, waiting: None }
+        Self {
+            stream,
+            within,
+            waiting: None,
+        }
     }
 
     /// The client has read `bytes`.
@@ -39,7 +43,9 @@ impl<S> Taking<S> {
     /// The client has to read something first.
     fn poll_late<T>(&mut self, context: &mut Context<'_>) -> Poll<io::Result<T>> {
         let within = self.within;
-        let (until, _) = self.waiting.get_or_insert_with(|| (Box::pin(sleep(within)), 0));
+        let (until, _) = self
+            .waiting
+            .get_or_insert_with(|| (Box::pin(sleep(within)), 0));
         ready!(until.as_mut().poll(context));
         tracing::info!("HTTP client does not read its response; disconnected");
         Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
@@ -47,13 +53,21 @@ impl<S> Taking<S> {
 }
 
 impl<S: AsyncRead + Unpin> AsyncRead for Taking<S> {
-    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
         Pin::new(&mut self.stream).poll_read(cx, buffer)
     }
 }
 
 impl<S: AsyncWrite + Unpin> AsyncWrite for Taking<S> {
-    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
         match Pin::new(&mut self.stream).poll_write(cx, bytes) {
             Poll::Ready(Ok(taken)) => {
                 self.took(taken);
@@ -119,7 +133,10 @@ mod tests {
         client.read_exact(&mut [0; 1024]).await.unwrap();
         let began = Instant::now();
         let refused = ours.write_all(&[1; 2048]).await.unwrap_err();
-        assert_eq!((refused.kind(), Instant::now() - began), (io::ErrorKind::TimedOut, WITHIN));
+        assert_eq!(
+            (refused.kind(), Instant::now() - began),
+            (io::ErrorKind::TimedOut, WITHIN)
+        );
     }
 
     #[tokio::test(start_paused = true)]
@@ -137,7 +154,12 @@ mod tests {
                 ours.write_all(&vec![1; PIECE_BYTES * 5]).await?;
                 ours.flush().await
             };
-            assert_eq!(written.await.is_err(), is_let_go, "{bytes} bytes in {:?}", WITHIN / 2);
+            assert_eq!(
+                written.await.is_err(),
+                is_let_go,
+                "{bytes} bytes in {:?}",
+                WITHIN / 2
+            );
             drop(ours);
             reader.await.unwrap();
         }

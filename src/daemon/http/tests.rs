@@ -14,7 +14,9 @@ use crate::domain::command::{Outcome, Owner};
 use crate::domain::counts::{CommandCounts, DamageCounts, ExchangeCounts, ReplyCounts};
 use crate::domain::ids::{DriveIndex, Name, UnitId};
 use crate::domain::link::Interface;
-use crate::domain::report::{LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, LineWaiting};
+use crate::domain::report::{
+    LineCounters, LineFault, LineMeasured, LineQuality, LineReport, LineState, LineWaiting,
+};
 use crate::domain::report::{ReplyReport, StationReport, StopBounds};
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::time::{MonoTime, WallTime};
@@ -40,7 +42,10 @@ pub(super) fn description() -> DriveDescription {
     let name = |text| Name::new(text).unwrap();
     let catalog = vendors::catalog();
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
         name: name("pump-1"),
         line: name("hall-1"),
         model: Arc::clone(catalog.find("hyundai-n700").unwrap()),
@@ -64,11 +69,17 @@ pub(super) fn state(broker: bool) -> Arc<State> {
         socket: None,
         configuration: None,
         gateway: "plant-a".to_owned(),
-        shared: Arc::new(Shared::new(vec![(name("hall-1"), Interface::Rs485)], vec![description()])).into(),
+        shared: Arc::new(Shared::new(
+            vec![(name("hall-1"), Interface::Rs485)],
+            vec![description()],
+        ))
+        .into(),
         modbus: Arc::new(ModbusTotals::default()),
         mqtt: broker.then(Arc::default).into(),
         started: clock::now(),
-        started_at: WallTime { unix_ms: 1_700_000_000_500 },
+        started_at: WallTime {
+            unix_ms: 1_700_000_000_500,
+        },
     })
 }
 
@@ -116,9 +127,16 @@ pub(super) const UP: LineReport = LineReport {
         shortest_gap: None,
         median_gap: Duration::from_micros(90),
     },
-    quality: LineQuality { bad_per_cent: Some(12), is_suspended: true },
+    quality: LineQuality {
+        bad_per_cent: Some(12),
+        is_suspended: true,
+    },
     suspicion: None,
-    waiting: LineWaiting { requests: 4, commands: 2, stops: 1 },
+    waiting: LineWaiting {
+        requests: 4,
+        commands: 2,
+        stops: 1,
+    },
     standby: None,
 };
 
@@ -128,11 +146,19 @@ pub(super) fn online(at: MonoTime) -> DriveView {
     snapshot.presence = Presence::Online;
     snapshot.take(0x0101_u16.into(), &[5000], at);
     snapshot.take(0x0112_u16.into(), &[3], at);
-    DriveView { line_is_up: true, snapshot, run_state: RunState::Forward, ..DriveView::default() }
+    DriveView {
+        line_is_up: true,
+        snapshot,
+        run_state: RunState::Forward,
+        ..DriveView::default()
+    }
 }
 
 pub(super) fn on_a_runtime<F: Future>(test: F) -> F::Output {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
     LocalSet::new().block_on(&runtime, test)
 }
 
@@ -143,7 +169,11 @@ pub(super) async fn serve(state: &Arc<State>, patience: Patience) -> SocketAddr 
 pub(super) async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    tokio::task::spawn_local(connections::serve(listener, routes::router(documents), patience));
+    tokio::task::spawn_local(connections::serve(
+        listener,
+        routes::router(documents),
+        patience,
+    ));
     address
 }
 
@@ -159,13 +189,18 @@ pub(super) async fn answer(
     body: &str,
 ) -> (u16, String) {
     let length = body.len();
-    let head = format!("{method} {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\nContent-Length: {length}");
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nHost: here\r\nConnection: close\r\nContent-Length: {length}"
+    );
     let request = format!("{head}\r\n\r\n{body}");
     stream.write_all(request.as_bytes()).await.unwrap();
     let mut text = String::new();
     stream.read_to_string(&mut text).await.unwrap();
     let (head, body) = text.split_once("\r\n\r\n").unwrap();
-    (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+    (
+        head.split(' ').nth(1).unwrap().parse().unwrap(),
+        body.to_owned(),
+    )
 }
 
 #[test]
@@ -173,18 +208,36 @@ fn alive_and_ready_differ() {
     on_a_runtime(async {
         let state = state(true);
         let address = serve(&state, Patience::default()).await;
-        assert_eq!(ask(address, "GET", "/healthz").await, (200, "ok\n".to_owned()));
-        let gone = LineReport { fault: Some(LineFault::Gone), ..LineReport::default() };
+        assert_eq!(
+            ask(address, "GET", "/healthz").await,
+            (200, "ok\n".to_owned())
+        );
+        let gone = LineReport {
+            fault: Some(LineFault::Gone),
+            ..LineReport::default()
+        };
         show(&state, gone, DriveView::default());
         let (status, body) = ask(address, "GET", "/readyz").await;
         assert_eq!(status, 503);
         assert!(body.contains("the device is gone"), "{body}");
         show(&state, UP, DriveView::default());
-        assert_eq!(ask(address, "GET", "/readyz").await.0, 503, "the broker is not reached");
-        state.mqtt.load_full().as_ref().unwrap().set(true, &Default::default());
+        assert_eq!(
+            ask(address, "GET", "/readyz").await.0,
+            503,
+            "the broker is not reached"
+        );
+        state
+            .mqtt
+            .load_full()
+            .as_ref()
+            .unwrap()
+            .set(true, &Default::default());
         let (status, body) = ask(address, "GET", "/readyz").await;
         let body: serde_json::Value = serde_json::from_str(&body).unwrap();
-        assert_eq!((status, &body["ready"], &body["lines"][0]["state"]), (200, &true.into(), &"up".into()));
+        assert_eq!(
+            (status, &body["ready"], &body["lines"][0]["state"]),
+            (200, &true.into(), &"up".into())
+        );
     });
 }
 
@@ -202,7 +255,11 @@ fn what_is_not_there_is_404_and_what_does_not_only_look_is_405() {
             ("DELETE", "/api/v1/health", 405),
             ("HEAD", "/metrics", 200),
         ] {
-            assert_eq!(ask(address, method, path).await.0, status, "{method} {path}");
+            assert_eq!(
+                ask(address, method, path).await.0,
+                status,
+                "{method} {path}"
+            );
         }
     });
 }
@@ -218,16 +275,28 @@ fn health_names_lines_and_drives() {
         assert_eq!(health["gateway"], "plant-a");
         assert_eq!(health["version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(health["ready"], true, "no broker is configured");
-        let line =
-            serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null, "standby": null });
+        let line = serde_json::json!({ "name": "hall-1", "state": "up", "reason": null, "suspicion": null, "standby": null });
         assert_eq!(health["lines"], serde_json::json!([line]));
         let drive = &health["drives"][0];
-        assert_eq!((&drive["presence"], &drive["run_state"]), (&"online".into(), &"forward".into()));
-        show(&state, LineReport::default(), DriveView { line_is_up: false, ..online(clock::now()) });
+        assert_eq!(
+            (&drive["presence"], &drive["run_state"]),
+            (&"online".into(), &"forward".into())
+        );
+        show(
+            &state,
+            LineReport::default(),
+            DriveView {
+                line_is_up: false,
+                ..online(clock::now())
+            },
+        );
         let (_, body) = ask(address, "GET", "/api/v1/health").await;
         let health: serde_json::Value = serde_json::from_str(&body).unwrap();
         let drive = &health["drives"][0];
-        assert_eq!((&drive["presence"], &drive["run_state"]), (&"offline".into(), &"offline".into()));
+        assert_eq!(
+            (&drive["presence"], &drive["run_state"]),
+            (&"offline".into(), &"offline".into())
+        );
     });
 }
 
@@ -241,7 +310,12 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
     state.modbus.opened();
     state.modbus.add(
         &Counters::default(),
-        &Counters { requests: 3, replies: 2, exceptions: one_of_02(), ..Counters::default() },
+        &Counters {
+            requests: 3,
+            replies: 2,
+            exceptions: one_of_02(),
+            ..Counters::default()
+        },
     );
     let fresh = text();
     for line in [
@@ -268,8 +342,14 @@ fn metrics_show_lines_drives_and_only_fresh_values() {
     ] {
         assert!(fresh.lines().any(|it| it == line), "no {line} in\n{fresh}");
     }
-    assert!(!fresh.contains("lease_held{"), "a drive without control has no lease");
-    assert!(!fresh.contains("line_active{"), "a line of one gateway has no roles");
+    assert!(
+        !fresh.contains("lease_held{"),
+        "a drive without control has no lease"
+    );
+    assert!(
+        !fresh.contains("line_active{"),
+        "a line of one gateway has no roles"
+    );
     seen(Duration::from_millis(3000));
     let stale = text();
     assert!(!stale.contains("hertz{"), "{stale}");
@@ -288,7 +368,14 @@ fn a_line_of_two_gateways_is_shown_with_the_role() {
         kept: 0,
         trouble: StandbyTrouble::default(),
     };
-    show(&state, LineReport { standby: Some(standby), ..UP }, DriveView::default());
+    show(
+        &state,
+        LineReport {
+            standby: Some(standby),
+            ..UP
+        },
+        DriveView::default(),
+    );
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
     for line in [
         "vfd_gateway_line_active{line=\"hall-1\"} 1.0",
@@ -319,23 +406,40 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
         timeout: Duration::from_millis(30),
         ..ReplyReport::default()
     };
-    let writes = ReplyReport { timeout: Duration::from_millis(500), ..ReplyReport::default() };
+    let writes = ReplyReport {
+        timeout: Duration::from_millis(500),
+        ..ReplyReport::default()
+    };
     let mut replies = ReplyCounts::default();
-    [4, 4, 9].into_iter().for_each(|millis| replies.add(Duration::from_millis(millis)));
+    [4, 4, 9]
+        .into_iter()
+        .for_each(|millis| replies.add(Duration::from_millis(millis)));
     let mut commands = CommandCounts::default();
     commands.add(&Owner::Mqtt, Outcome::Confirmed);
     let station = StationReport {
         replies: [reads, writes, writes],
         oldest_age: Duration::from_millis(620),
         planned_age: Some(Duration::from_millis(640)),
-        exchanges: ExchangeCounts { replies: 90, exceptions: 4, garbled: 5, silent: 3, retries: 2 },
-        damage: DamageCounts { late: 6, doubled: 7, ..DamageCounts::default() },
+        exchanges: ExchangeCounts {
+            replies: 90,
+            exceptions: 4,
+            garbled: 5,
+            silent: 3,
+            retries: 2,
+        },
+        damage: DamageCounts {
+            late: 6,
+            doubled: 7,
+            ..DamageCounts::default()
+        },
         reply_counts: [replies, ReplyCounts::default(), ReplyCounts::default()],
         commands,
         bad_per_cent: Some(4),
         is_suspended: true,
     };
-    state.shared.load().drives[0].station.store(Arc::new(station));
+    state.shared.load().drives[0]
+        .station
+        .store(Arc::new(station));
     let text = super::metrics::text(Arc::clone(&state), clock::now()).unwrap();
     for line in [
         "vfd_gateway_line_planned_use_ratio{line=\"hall-1\"} 0.125",
@@ -371,9 +475,18 @@ fn metrics_show_what_was_planned_beside_what_was_measured() {
     ] {
         assert!(text.lines().any(|it| it == line), "no {line} in\n{text}");
     }
-    assert!(!text.contains("gap_shortest_seconds{"), "there was no frame yet");
-    assert!(!text.contains("class=\"write\",share"), "there was no write yet");
-    assert!(!text.contains("source=\"local\""), "nobody commanded from there");
+    assert!(
+        !text.contains("gap_shortest_seconds{"),
+        "there was no frame yet"
+    );
+    assert!(
+        !text.contains("class=\"write\",share"),
+        "there was no write yet"
+    );
+    assert!(
+        !text.contains("source=\"local\""),
+        "nobody commanded from there"
+    );
 }
 
 #[test]
@@ -395,10 +508,21 @@ fn metrics_show_control() {
         commands: 9,
         stopped_again: None,
     };
-    show(&state, UP, DriveView { control: Some(control), ..online(clock::now()) });
+    show(
+        &state,
+        UP,
+        DriveView {
+            control: Some(control),
+            ..online(clock::now())
+        },
+    );
     let text = super::metrics::text(state, clock::now()).unwrap();
     let drive = "{line=\"hall-1\",drive=\"pump-1\"}";
-    for (name, value) in [("start_inhibited", "1.0"), ("lease_held", "0.0"), ("commands_total", "9")] {
+    for (name, value) in [
+        ("start_inhibited", "1.0"),
+        ("lease_held", "0.0"),
+        ("commands_total", "9"),
+    ] {
         let line = format!("vfd_gateway_drive_{name}{drive} {value}");
         assert!(text.contains(&line), "no {line} in\n{text}");
     }
@@ -420,7 +544,9 @@ fn one_of_02() -> [u64; Counters::EXCEPTION_CODES] {
 
 /// All metrics with their labels.
 fn metrics() -> Vec<(&'static table::Name, &'static str)> {
-    fn names<T>(metrics: &'static [table::Metric<T>]) -> impl Iterator<Item = &'static table::Name> {
+    fn names<T>(
+        metrics: &'static [table::Metric<T>],
+    ) -> impl Iterator<Item = &'static table::Name> {
         metrics.iter().map(|metric| &metric.name)
     }
     let of = |labels: &'static str| move |name| (name, labels);
@@ -460,32 +586,59 @@ fn no_metric_stands_in_the_table_twice() {
 
 #[test]
 fn the_reference_has_every_metric_as_it_is_served() {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/metrics.md")).unwrap();
+    let text =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/metrics.md"))
+            .unwrap();
     let row = |(name, labels): (&table::Name, &str)| {
         let unit = name.unit.map(|unit| format!("_{unit}")).unwrap_or_default();
-        let total = if matches!(name.kind, MetricType::Counter) { "_total" } else { "" };
-        format!("| `{}{unit}{total}` | {labels} | {} |", name.name, name.help)
+        let total = if matches!(name.kind, MetricType::Counter) {
+            "_total"
+        } else {
+            ""
+        };
+        format!(
+            "| `{}{unit}{total}` | {labels} | {} |",
+            name.name, name.help
+        )
     };
     let right: Vec<_> = metrics().into_iter().map(row).collect();
-    let written: Vec<_> = text.lines().filter(|line| line.starts_with("| `")).collect();
+    let written: Vec<_> = text
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .collect();
     assert_eq!(written, right, "right is:\n{}", right.join("\n"));
 }
 
 /// The words of `text` that begin like the name of a metric.
 fn named_in(text: &str) -> BTreeSet<&str> {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '_');
-    words.filter(|word| word.starts_with(&format!("{}_", table::PREFIX))).collect()
+    words
+        .filter(|word| word.starts_with(&format!("{}_", table::PREFIX)))
+        .collect()
 }
 
 #[test]
 fn every_metric_of_dashboard_and_alerts_is_served() {
-    let served: BTreeSet<_> = metrics().into_iter().flat_map(|(name, _)| sample_names(name)).collect();
-    for file in ["grafana/dashboard.json", "prometheus/rules.yml", "prometheus/rules_test.yml"] {
+    let served: BTreeSet<_> = metrics()
+        .into_iter()
+        .flat_map(|(name, _)| sample_names(name))
+        .collect();
+    for file in [
+        "grafana/dashboard.json",
+        "prometheus/rules.yml",
+        "prometheus/rules_test.yml",
+    ] {
         let text = delivered(file);
         let named = named_in(&text);
         assert!(named.len() > 20, "{file}: {named:?}");
-        let unknown: Vec<_> = named.into_iter().filter(|name| !served.contains(*name)).collect();
-        assert!(unknown.is_empty(), "{file} names what is not served: {unknown:?}");
+        let unknown: Vec<_> = named
+            .into_iter()
+            .filter(|name| !served.contains(*name))
+            .collect();
+        assert!(
+            unknown.is_empty(),
+            "{file} names what is not served: {unknown:?}"
+        );
     }
 }
 
@@ -493,7 +646,10 @@ fn every_metric_of_dashboard_and_alerts_is_served() {
 fn every_alert_is_shown_to_fire() {
     let rules = delivered("prometheus/rules.yml");
     let tests = delivered("prometheus/rules_test.yml");
-    let alerts: Vec<_> = rules.lines().filter_map(|line| line.trim().strip_prefix("- alert: ")).collect();
+    let alerts: Vec<_> = rules
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix("- alert: "))
+        .collect();
     assert!(alerts.len() > 10, "{alerts:?}");
     for alert in alerts {
         let fires = format!("'{{alertname=\"{alert}\"}}', value: 1");
@@ -504,22 +660,41 @@ fn every_alert_is_shown_to_fire() {
 /// The dashboard needs nothing beyond Grafana: its own panels, and a data source that the user chooses.
 #[test]
 fn the_dashboard_needs_no_plugin_and_names_no_source() {
-    let dashboard: serde_json::Value = serde_json::from_str(&delivered("grafana/dashboard.json")).unwrap();
-    let names = dashboard["templating"]["list"].as_array().unwrap().iter().map(|it| it["name"].as_str().unwrap());
-    assert_eq!(names.collect::<Vec<_>>(), ["datasource", "instance", "line", "drive"]);
+    let dashboard: serde_json::Value =
+        serde_json::from_str(&delivered("grafana/dashboard.json")).unwrap();
+    let names = dashboard["templating"]["list"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it["name"].as_str().unwrap());
+    assert_eq!(
+        names.collect::<Vec<_>>(),
+        ["datasource", "instance", "line", "drive"]
+    );
     let panels = dashboard["panels"].as_array().unwrap();
     for panel in panels {
         let kind = panel["type"].as_str().unwrap();
-        assert!(["row", "timeseries", "stat", "state-timeline"].contains(&kind), "{kind}");
+        assert!(
+            ["row", "timeseries", "stat", "state-timeline"].contains(&kind),
+            "{kind}"
+        );
         let source = &panel["datasource"]["uid"];
         assert!(kind == "row" || source == "${datasource}", "{panel}");
     }
-    let numbers: BTreeSet<_> = panels.iter().map(|panel| panel["id"].as_u64().unwrap()).collect();
+    let numbers: BTreeSet<_> = panels
+        .iter()
+        .map(|panel| panel["id"].as_u64().unwrap())
+        .collect();
     assert_eq!(numbers.len(), panels.len());
 }
 
 fn delivered(file: &str) -> String {
-    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy").join(file)).unwrap()
+    std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("deploy")
+            .join(file),
+    )
+    .unwrap()
 }
 
 /// The names of the samples of a metric.
@@ -530,23 +705,46 @@ fn sample_names(name: &table::Name) -> Vec<String> {
         MetricType::Histogram => &["_bucket", "_sum", "_count"],
         _ => &[""],
     };
-    endings.iter().map(|ending| format!("{}_{}{unit}{ending}", table::PREFIX, name.name)).collect()
+    endings
+        .iter()
+        .map(|ending| format!("{}_{}{unit}{ending}", table::PREFIX, name.name))
+        .collect()
 }
 
 #[test]
 fn who_says_nothing_or_stays_too_long_is_shown_the_door() {
     on_a_runtime(async {
         let short = Duration::from_millis(200);
-        let address = serve(&state(false), Patience { head: short, ..Patience::default() }).await;
+        let address = serve(
+            &state(false),
+            Patience {
+                head: short,
+                ..Patience::default()
+            },
+        )
+        .await;
         let mut silent = TcpStream::connect(address).await.unwrap();
         silent.write_all(b"GET /healthz HTT").await.unwrap();
         let mut rest = Vec::new();
         // Whatever it receives, the stream is closed.
-        let _ = tokio::time::timeout(Duration::from_secs(5), silent.read_to_end(&mut rest)).await.unwrap();
-        let address = serve(&state(false), Patience { connection: short, ..Patience::default() }).await;
+        let _ = tokio::time::timeout(Duration::from_secs(5), silent.read_to_end(&mut rest))
+            .await
+            .unwrap();
+        let address = serve(
+            &state(false),
+            Patience {
+                connection: short,
+                ..Patience::default()
+            },
+        )
+        .await;
         let mut idle = TcpStream::connect(address).await.unwrap();
-        idle.write_all(b"GET /healthz HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
-        let _ = tokio::time::timeout(Duration::from_secs(5), idle.read_to_end(&mut rest)).await.unwrap();
+        idle.write_all(b"GET /healthz HTTP/1.1\r\nHost: here\r\n\r\n")
+            .await
+            .unwrap();
+        let _ = tokio::time::timeout(Duration::from_secs(5), idle.read_to_end(&mut rest))
+            .await
+            .unwrap();
         assert!(String::from_utf8_lossy(&rest).contains("ok\n"));
     });
 }
@@ -560,7 +758,11 @@ fn one_connection_too_many_waits_for_its_place() {
             held.push(TcpStream::connect(address).await.unwrap());
         }
         let mut late = Box::pin(ask(address, "GET", "/healthz"));
-        assert!(tokio::time::timeout(Duration::from_millis(200), &mut late).await.is_err());
+        assert!(
+            tokio::time::timeout(Duration::from_millis(200), &mut late)
+                .await
+                .is_err()
+        );
         held.pop();
         assert_eq!(late.await.0, 200);
     });
@@ -581,9 +783,18 @@ fn the_socket_is_its_owners_alone_and_goes_with_the_gateway() {
         assert_eq!(answer(connect().await, "GET", "/healthz", "").await.0, 200);
         // What only the tools may do is served here and nowhere else.
         let setup = "/api/v1/drives/nobody/setup";
-        assert!(answer(connect().await, "GET", setup, "").await.1.contains("unknown_drive"));
+        assert!(
+            answer(connect().await, "GET", setup, "")
+                .await
+                .1
+                .contains("unknown_drive")
+        );
         let address = serve(&state, Patience::default()).await;
-        for (method, path) in [("GET", setup), ("GET", "/api/v1/drives/pump-1/setup"), ("POST", setup)] {
+        for (method, path) in [
+            ("GET", setup),
+            ("GET", "/api/v1/drives/pump-1/setup"),
+            ("POST", setup),
+        ] {
             assert_eq!(ask(address, method, path).await, (404, String::new()));
         }
     });
@@ -614,8 +825,14 @@ fn the_socket_of_the_dead_is_replaced_and_that_of_the_living_is_not() {
     on_a_runtime(async {
         let living = OwnSocket::open(&place).unwrap();
         let refusal = OwnSocket::open(&place).unwrap_err().to_string();
-        assert!(refusal.contains(&format!("process {}", std::process::id())), "{refusal}");
-        assert!(UnixStream::connect(&path).await.is_ok(), "the living one is left alone");
+        assert!(
+            refusal.contains(&format!("process {}", std::process::id())),
+            "{refusal}"
+        );
+        assert!(
+            UnixStream::connect(&path).await.is_ok(),
+            "the living one is left alone"
+        );
         drop(living);
         OwnSocket::open(&place).unwrap();
     });
@@ -626,19 +843,37 @@ fn what_is_no_socket_is_left_alone() {
     let place = Dir::new();
     std::fs::write(place.join(SOCKET_NAME), "notes").unwrap();
     on_a_runtime(async {
-        for (directory, why) in [(&*place, "is not a socket"), (Path::new("/nonexistent"), "/nonexistent")] {
-            let refusal = OwnSocket::open(directory).unwrap().reachable().refusal().unwrap();
-            assert!(refusal.contains(why), "the gateway runs without it: {refusal}");
+        for (directory, why) in [
+            (&*place, "is not a socket"),
+            (Path::new("/nonexistent"), "/nonexistent"),
+        ] {
+            let refusal = OwnSocket::open(directory)
+                .unwrap()
+                .reachable()
+                .refusal()
+                .unwrap();
+            assert!(
+                refusal.contains(why),
+                "the gateway runs without it: {refusal}"
+            );
         }
     });
-    assert_eq!(std::fs::read_to_string(place.join(SOCKET_NAME)).unwrap(), "notes");
+    assert_eq!(
+        std::fs::read_to_string(place.join(SOCKET_NAME)).unwrap(),
+        "notes"
+    );
 }
 
 #[test]
 fn the_broker_is_counted_once_a_connection() {
     let mqtt = MqttTotals::default();
     for connected in [true, true, false, true] {
-        let counters = mqtt::Counters { messages_in: 5, messages_out: 6, refused_retained: 7, ..Default::default() };
+        let counters = mqtt::Counters {
+            messages_in: 5,
+            messages_out: 6,
+            refused_retained: 7,
+            ..Default::default()
+        };
         mqtt.set(connected, &counters);
     }
     assert_eq!((mqtt.connects(), mqtt.counters().refused_retained), (2, 7));

@@ -39,22 +39,34 @@ const LASTS: Duration = Duration::from_secs(240);
 
 /// The route of the traffic.
 pub(super) fn router(state: Arc<Gateway>) -> Router {
-    Router::new().route("/api/v1/lines/{name}/traffic", get(watch)).with_state(state)
+    Router::new()
+        .route("/api/v1/lines/{name}/traffic", get(watch))
+        .with_state(state)
 }
 
-async fn watch(State(gateway): State<Arc<Gateway>>, Path(name): Path<String>, headers: HeaderMap) -> Response {
+async fn watch(
+    State(gateway): State<Arc<Gateway>>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+) -> Response {
     let shared = gateway.shared.get();
     let Some(line) = shared.lines.iter().find(|line| line.name.as_str() == name) else {
         let lines: Vec<_> = shared.lines.iter().map(|line| line.name.as_str()).collect();
         let error = format!("no line is called {name}; there is {}", lines.join(", "));
         return refused(StatusCode::NOT_FOUND, &error);
     };
-    let after = headers.get("last-event-id").and_then(|id| number_in(id.to_str().ok()?, line));
+    let after = headers
+        .get("last-event-id")
+        .and_then(|id| number_in(id.to_str().ok()?, line));
     let Some(listener) = Listener::new(Arc::clone(line), after, clock::now) else {
-        let error = format!("line {name} is already watched by {LISTENERS_MAX} clients, the maximum");
+        let error =
+            format!("line {name} is already watched by {LISTENERS_MAX} clients, the maximum");
         return refused(StatusCode::SERVICE_UNAVAILABLE, &error);
     };
-    let headers = [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];
+    let headers = [
+        (header::CONTENT_TYPE, "text/event-stream"),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
     (headers, Body::new(Events::new(gateway, listener))).into_response()
 }
 
@@ -89,7 +101,18 @@ impl Events {
         let has_more = false;
         let is_told = false;
         let has_ended = false;
-        Self { gateway, listener, decoder, clock, ticks, begun, last_said, has_more, is_told, has_ended }
+        Self {
+            gateway,
+            listener,
+            decoder,
+            clock,
+            ticks,
+            begun,
+            last_said,
+            has_more,
+            is_told,
+            has_ended,
+        }
     }
 
     /// The events at `now`; empty if there are none.
@@ -111,7 +134,15 @@ impl Events {
             let _ = writeln!(text, "id: {}.{number}", self.listener.line().number);
             event(&mut text, "frame", &frame);
         }
-        let is_gone = || !self.gateway.shared.load().lines.iter().any(|line| Arc::ptr_eq(line, self.listener.line()));
+        let is_gone = || {
+            !self
+                .gateway
+                .shared
+                .load()
+                .lines
+                .iter()
+                .any(|line| Arc::ptr_eq(line, self.listener.line()))
+        };
         if !self.has_more && (now.since(self.begun) >= LASTS || is_gone()) {
             event(&mut text, "again", &value!({}));
             self.has_ended = true;
@@ -159,16 +190,23 @@ fn event(text: &mut String, name: &str, data: &Value) {
 }
 
 pub(super) fn facts(line: &SharedLine) -> LineFacts {
-    let drives = line.drives.iter().zip(&line.wiring.stations).map(|(drive, station)| {
-        let description = &drive.description;
-        KnownDrive {
-            station: *station,
-            name: description.name.clone(),
-            model: Arc::clone(&description.model),
-            ratings: description.ratings,
-        }
-    });
-    LineFacts { framing: line.wiring.framing, drives: drives.collect() }
+    let drives = line
+        .drives
+        .iter()
+        .zip(&line.wiring.stations)
+        .map(|(drive, station)| {
+            let description = &drive.description;
+            KnownDrive {
+                station: *station,
+                name: description.name.clone(),
+                model: Arc::clone(&description.model),
+                ratings: description.ratings,
+            }
+        });
+    LineFacts {
+        framing: line.wiring.framing,
+        drives: drives.collect(),
+    }
 }
 
 /// The description of the line with which an answer begins.
@@ -196,14 +234,22 @@ pub(super) struct WallClock {
 
 impl WallClock {
     pub(super) fn new() -> Self {
-        Self { ahead_us: clock::wall_micros() - micros(clock::now()) }
+        Self {
+            ahead_us: clock::wall_micros() - micros(clock::now()),
+        }
     }
 
     /// `at` as RFC 3339 in UTC with microseconds.
     pub(super) fn rfc3339(&self, at: MonoTime) -> String {
         let unix_us = micros(at) + self.ahead_us;
-        let text = rfc3339(WallTime { unix_ms: unix_us.div_euclid(1000) });
-        format!("{}{:03}Z", text.trim_end_matches('Z'), unix_us.rem_euclid(1000))
+        let text = rfc3339(WallTime {
+            unix_ms: unix_us.div_euclid(1000),
+        });
+        format!(
+            "{}{:03}Z",
+            text.trim_end_matches('Z'),
+            unix_us.rem_euclid(1000)
+        )
     }
 }
 

@@ -25,9 +25,18 @@ const PATIENCE: Duration = Duration::from_secs(20);
 const READ: [u8; 8] = [5, 3, 1, 1, 0, 1, 0xD5, 0xB2];
 
 fn line() -> Arc<SharedLine> {
-    let wiring = Wiring { stations: vec![Station(5)], ..Wiring::default() };
+    let wiring = Wiring {
+        stations: vec![Station(5)],
+        ..Wiring::default()
+    };
     Arc::new(
-        SharedLine::new(0, Name::new("hall-1").unwrap(), Interface::Rs485, [super::tests::description()]).wired(wiring),
+        SharedLine::new(
+            0,
+            Name::new("hall-1").unwrap(),
+            Interface::Rs485,
+            [super::tests::description()],
+        )
+        .wired(wiring),
     )
 }
 
@@ -64,16 +73,23 @@ struct Watcher {
 impl Watcher {
     async fn new(address: SocketAddr, head: &str) -> Self {
         let mut stream = TcpStream::connect(address).await.unwrap();
-        let request = format!("GET /api/v1/lines/hall-1/traffic HTTP/1.1\r\nHost: here\r\n{head}\r\n");
+        let request =
+            format!("GET /api/v1/lines/hall-1/traffic HTTP/1.1\r\nHost: here\r\n{head}\r\n");
         stream.write_all(request.as_bytes()).await.unwrap();
-        Self { stream, text: String::new() }
+        Self {
+            stream,
+            text: String::new(),
+        }
     }
 
     /// Reads until `wanted` has arrived.
     async fn until(&mut self, wanted: &str) -> &str {
         let mut bytes = [0; 4096];
         while !self.text.contains(wanted) {
-            let read = timeout(PATIENCE, self.stream.read(&mut bytes)).await.expect(&self.text).unwrap();
+            let read = timeout(PATIENCE, self.stream.read(&mut bytes))
+                .await
+                .expect(&self.text)
+                .unwrap();
             assert!(read > 0, "no {wanted} in {}", self.text);
             self.text += &String::from_utf8_lossy(&bytes[..read]);
         }
@@ -83,8 +99,14 @@ impl Watcher {
     /// The frames so far.
     fn frames(&self) -> Vec<Value> {
         let blocks = self.text.split("event: frame").skip(1);
-        let data = blocks.map(|block| block.lines().find_map(|line| line.strip_prefix("data: ")).unwrap());
-        data.map(|data| serde_json::from_str(data).unwrap()).collect()
+        let data = blocks.map(|block| {
+            block
+                .lines()
+                .find_map(|line| line.strip_prefix("data: "))
+                .unwrap()
+        });
+        data.map(|data| serde_json::from_str(data).unwrap())
+            .collect()
     }
 }
 
@@ -107,7 +129,10 @@ fn frames_come_in_words_with_their_numbers() {
         let address = serve(&state(&line)).await;
         let mut watcher = Watcher::new(address, "").await;
         let begin = watcher.until("event: begin").await;
-        assert!(begin.contains("text/event-stream") && begin.contains("retry: 500"), "{begin}");
+        assert!(
+            begin.contains("text/event-stream") && begin.contains("retry: 500"),
+            "{begin}"
+        );
         watcher.until("\"line\":\"hall-1\"").await;
         put(&line, 2);
         watcher.until("id: 0.2").await;
@@ -115,9 +140,18 @@ fn frames_come_in_words_with_their_numbers() {
         let frames = watcher.frames();
         assert_eq!(frames.len(), 2);
         assert_eq!(frames[0]["text"], "read 0x0101 output frequency, 1 word");
-        assert_eq!((&frames[0]["drive"], &frames[0]["kind"]), (&"pump-1".into(), &"request".into()));
-        assert_eq!((&frames[0]["gap_ms"], &frames[1]["gap_ms"]), (&Value::Null, &0.0.into()));
-        assert_eq!(frames[0]["at"].as_str().unwrap().len(), "2026-01-31T08:00:00.000000Z".len());
+        assert_eq!(
+            (&frames[0]["drive"], &frames[0]["kind"]),
+            (&"pump-1".into(), &"request".into())
+        );
+        assert_eq!(
+            (&frames[0]["gap_ms"], &frames[1]["gap_ms"]),
+            (&Value::Null, &0.0.into())
+        );
+        assert_eq!(
+            frames[0]["at"].as_str().unwrap().len(),
+            "2026-01-31T08:00:00.000000Z".len()
+        );
     });
 }
 
@@ -130,7 +164,10 @@ fn who_comes_back_goes_on_and_is_reported_what_was_lost() {
         put(&line, 3);
         let mut again = Watcher::new(address, "Last-Event-ID: 0.1\r\n").await;
         again.until("id: 0.3").await;
-        assert_eq!((again.frames().len(), again.text.contains("event: lost")), (2, false));
+        assert_eq!(
+            (again.frames().len(), again.text.contains("event: lost")),
+            (2, false)
+        );
         let mut of_another = Watcher::new(address, "Last-Event-ID: 7.2\r\n").await;
         of_another.until("id: 0.3").await;
         assert_eq!(of_another.frames().len(), 3);
@@ -155,7 +192,8 @@ fn a_line_has_few_places_and_they_come_back() {
         let mut refused = Watcher::new(address, "").await;
         let text = refused.until("already").await;
         assert!(
-            text.starts_with("HTTP/1.1 503") && text.contains("{\"error\":\"line hall-1 is already watched by 4"),
+            text.starts_with("HTTP/1.1 503")
+                && text.contains("{\"error\":\"line hall-1 is already watched by 4"),
             "{text}"
         );
         drop(watchers);
@@ -179,10 +217,16 @@ fn a_line_that_is_no_more_ends_its_answers_and_is_not_found() {
         let mut watcher = Watcher::new(address, "").await;
         watcher.until("event: begin").await;
         put(&line, 1);
-        state.shared.set(Arc::new(Shared::of(Vec::new(), Arc::default())));
+        state
+            .shared
+            .set(Arc::new(Shared::of(Vec::new(), Arc::default())));
         watcher.until("event: again").await;
         assert_eq!(watcher.frames().len(), 1, "what had come before is told");
         let mut gone = Watcher::new(address, "").await;
-        assert!(gone.until("no line is called hall-1").await.starts_with("HTTP/1.1 404"));
+        assert!(
+            gone.until("no line is called hall-1")
+                .await
+                .starts_with("HTTP/1.1 404")
+        );
     });
 }

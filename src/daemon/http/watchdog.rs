@@ -19,19 +19,34 @@ pub(super) async fn set(side: &LocalSide, drive: &SharedDrive, time: Option<Dura
     let name = description.name.as_str();
     let place = description.place;
     let refused = |reason| outcome(name, Report::refused(reason), Vec::new());
-    let Some(watchdog) = &model.watchdog else { return refused(Reason::NotCapable) };
-    let Some(value) = model.watchdog_word(time) else { return refused(Reason::OutsideRange) };
+    let Some(watchdog) = &model.watchdog else {
+        return refused(Reason::NotCapable);
+    };
+    let Some(value) = model.watchdog_word(time) else {
+        return refused(Reason::OutsideRange);
+    };
     let address = watchdog.time;
     let old = match side.read(place, address, clock::now() + READ_WITHIN).await {
         Ok(old) => old,
-        Err(failed) => return outcome_at(drive, Report { outcome: Outcome::Refused, ..failed }, Vec::new()),
+        Err(failed) => {
+            return outcome_at(
+                drive,
+                Report {
+                    outcome: Outcome::Refused,
+                    ..failed
+                },
+                Vec::new(),
+            );
+        }
     };
     let Some(go) = Go::new(vec![RegisterWrite::new(address, value)], None, None) else {
         return refused(Reason::NotUnderstood);
     };
     let report = side.command(Who::TOOL, place, Order::Go(go)).await;
     let register = model.register_at(address);
-    let what = register.map_or("-", |register| register.code.as_deref().unwrap_or(&register.name));
+    let what = register.map_or("-", |register| {
+        register.code.as_deref().unwrap_or(&register.name)
+    });
     let result = report.outcome.word();
     let reason = report.reason.word();
     tracing::info!(

@@ -17,11 +17,16 @@ const PARTS: [&str; 3] = ["", "-wal", "-shm"];
 pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
     let lying = damaged_beside(path)?;
     if lying >= ASIDE_MAX {
-        let what =
-            format!("there are already {lying} damaged journals beside {}; move some of them away", path.display());
+        let what = format!(
+            "there are already {lying} damaged journals beside {}; move some of them away",
+            path.display()
+        );
         return Err(io::Error::other(what));
     }
-    let moment: String = rfc3339(now).chars().filter(|c| !matches!(c, '-' | ':' | '.')).collect();
+    let moment: String = rfc3339(now)
+        .chars()
+        .filter(|c| !matches!(c, '-' | ':' | '.'))
+        .collect();
     let target = |count: usize| match count {
         0 => PathBuf::from(format!("{}.damaged-{moment}", path.display())),
         _ => PathBuf::from(format!("{}.damaged-{moment}-{count}", path.display())),
@@ -42,13 +47,17 @@ pub fn move_aside(path: &Path, now: WallTime) -> io::Result<PathBuf> {
 }
 
 fn damaged_beside(path: &Path) -> io::Result<usize> {
-    let (Some(directory), Some(name)) = (path.parent(), path.file_name()) else { return Ok(0) };
+    let (Some(directory), Some(name)) = (path.parent(), path.file_name()) else {
+        return Ok(0);
+    };
     let beginning = format!("{}.damaged-", name.to_string_lossy());
     let mut count = 0;
     for entry in std::fs::read_dir(directory)? {
         let name = entry?.file_name();
         let name = name.to_string_lossy();
-        let is_part = PARTS.iter().any(|part| !part.is_empty() && name.ends_with(part));
+        let is_part = PARTS
+            .iter()
+            .any(|part| !part.is_empty() && name.ends_with(part));
         count += usize::from(name.starts_with(&beginning) && !is_part);
     }
     Ok(count)

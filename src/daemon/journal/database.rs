@@ -36,7 +36,9 @@ pub enum Broken {
 impl From<Error> for Broken {
     fn from(error: Error) -> Self {
         match error.sqlite_error_code() {
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Damaged(error.to_string()),
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
+                Self::Damaged(error.to_string())
+            }
             _ => Self::Refused(error.to_string()),
         }
     }
@@ -93,15 +95,28 @@ impl Database {
     ///
     /// # Errors
     /// [`Broken`].
-    pub fn open(path: &Path, session: &str, most_bytes: u64) -> Result<(Self, DatabaseState), Broken> {
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    pub fn open(
+        path: &Path,
+        session: &str,
+        most_bytes: u64,
+    ) -> Result<(Self, DatabaseState), Broken> {
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+            | OpenFlags::SQLITE_OPEN_CREATE
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX;
         let mut connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY_WAIT)?;
         match schema::make(&mut connection, session)? {
             Made::New | Made::Found => {}
-            Made::Foreign => return Err(Broken::Damaged("it is a database of another program".to_owned())),
+            Made::Foreign => {
+                return Err(Broken::Damaged(
+                    "it is a database of another program".to_owned(),
+                ));
+            }
             Made::Newer(version) => {
-                let what = format!("version {version} of its tables is newer than this program's, {}", schema::VERSION);
+                let what = format!(
+                    "version {version} of its tables is newer than this program's, {}",
+                    schema::VERSION
+                );
                 return Err(Broken::Damaged(what));
             }
         }
@@ -116,8 +131,16 @@ impl Database {
         let found = found(&connection)?;
         let is_synced = false;
         let is_in_doubt = false;
-        let database =
-            Self { connection, session, last_event, last_availability, audit_base, is_synced, is_in_doubt, most_bytes };
+        let database = Self {
+            connection,
+            session,
+            last_event,
+            last_availability,
+            audit_base,
+            is_synced,
+            is_in_doubt,
+            most_bytes,
+        };
         Ok((database, found))
     }
 
@@ -129,8 +152,16 @@ impl Database {
     /// Up to where it is known to be written.
     #[must_use]
     pub fn mark(&self) -> Mark {
-        let Self { last_event, last_availability, .. } = *self;
-        Mark { session: self.session.clone(), last_event, last_availability }
+        let Self {
+            last_event,
+            last_availability,
+            ..
+        } = *self;
+        Mark {
+            session: self.session.clone(),
+            last_event,
+            last_availability,
+        }
     }
 
     /// Continues at `mark`, if that is of this file: a write after it failed and may or may not have been stored. The
@@ -176,22 +207,39 @@ impl Database {
                 (Table::Audit, self.audit_base + book.audit.kept()),
             ];
             for (table, last) in rows {
-                transaction.execute(&format!("DELETE FROM {} WHERE number > ?", table.name()), [last])?;
+                transaction.execute(
+                    &format!("DELETE FROM {} WHERE number > ?", table.name()),
+                    [last],
+                )?;
             }
         }
         for event in book.events() {
             last_event += 1;
-            put(&transaction, Table::Event, &events::row(event, last_event, &self.session))?;
+            put(
+                &transaction,
+                Table::Event,
+                &events::row(event, last_event, &self.session),
+            )?;
         }
         for row in book.availability() {
             last_availability += 1;
-            put(&transaction, Table::Availability, &Row { number: last_availability, ..row.clone() })?;
+            put(
+                &transaction,
+                Table::Availability,
+                &Row {
+                    number: last_availability,
+                    ..row.clone()
+                },
+            )?;
         }
         for (number, change) in book.audit.waiting() {
             match change {
-                Change::Put(record) => put(&transaction, Table::Audit, &record.row(self.audit_base))?,
+                Change::Put(record) => {
+                    put(&transaction, Table::Audit, &record.row(self.audit_base))?
+                }
                 Change::Remove => {
-                    let mut remove = transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
+                    let mut remove =
+                        transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
                     remove.execute([self.audit_base + number])?;
                 }
             }
@@ -199,7 +247,8 @@ impl Database {
         for (name, memory) in book.memory() {
             let name = name.as_str();
             let body = memory.to_json();
-            let mut put = transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
+            let mut put =
+                transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
             put.execute(params![name, body, memory_crc(name, &body)])?;
         }
         for (name, day, usage) in book.days.waiting() {
@@ -234,7 +283,12 @@ impl Database {
     /// # Errors
     /// SQLite's.
     pub fn set_configuration(&self, digest: &str) -> Result<(), Error> {
-        self.connection.execute("INSERT OR REPLACE INTO meta VALUES ('configuration', ?)", [digest]).map(drop)
+        self.connection
+            .execute(
+                "INSERT OR REPLACE INTO meta VALUES ('configuration', ?)",
+                [digest],
+            )
+            .map(drop)
     }
 
     /// At most `most` events after `after` that were not taken, and whether there are more.
@@ -254,7 +308,10 @@ impl Database {
     pub fn take_over(&mut self, old: &Path, mark: Option<&Mark>) -> Result<TakenOver, Error> {
         let (mut waiting, highest) = events::rescued(old);
         waiting.retain(|row| mark.is_none_or(|mark| row.number <= mark.last_event));
-        let mut taken_over = TakenOver { waiting: waiting.len(), ..TakenOver::default() };
+        let mut taken_over = TakenOver {
+            waiting: waiting.len(),
+            ..TakenOver::default()
+        };
         let transaction = self.connection.transaction()?;
         for table in Table::ALL {
             let Rescued { mut rows, lost } = rescue::rescued(old, table);
@@ -274,7 +331,9 @@ impl Database {
                     events::mark(&transaction, &numbers.clone().collect(), events::TAKEN)?;
                     self.last_event = self.last_event.max(numbers.max().unwrap_or(0));
                 }
-                Table::Availability => self.last_availability = self.last_availability.max(numbers.max().unwrap_or(0)),
+                Table::Availability => {
+                    self.last_availability = self.last_availability.max(numbers.max().unwrap_or(0))
+                }
                 Table::Audit => self.audit_base = self.audit_base.max(numbers.max().unwrap_or(0)),
             }
             taken_over.rows += rows.len();
@@ -294,15 +353,17 @@ impl Database {
     /// # Errors
     /// SQLite's.
     pub fn cut(&mut self) -> Result<u64, Error> {
-        let number =
-            |connection: &Connection, name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, u64>(0));
+        let number = |connection: &Connection, name: &str| {
+            connection.pragma_query_value(None, name, |row| row.get::<_, u64>(0))
+        };
         let page = number(&self.connection, "page_size")?;
         for _ in 0..CUTS_MAX {
             let pages = number(&self.connection, "page_count")?;
             let used = pages.saturating_sub(number(&self.connection, "freelist_count")?);
             if !policy::is_full(used * page, self.most_bytes) {
                 if pages * page > self.most_bytes {
-                    self.connection.execute_batch(&format!("PRAGMA incremental_vacuum({PAGES_FREED})"))?;
+                    self.connection
+                        .execute_batch(&format!("PRAGMA incremental_vacuum({PAGES_FREED})"))?;
                 }
                 break;
             }
@@ -311,15 +372,19 @@ impl Database {
             }
             let rows = |table: Table| {
                 let count = format!("SELECT max(number) - min(number) + 1 FROM {}", table.name());
-                self.connection.query_row(&count, [], |row| row.get::<_, Option<u64>>(0))
+                self.connection
+                    .query_row(&count, [], |row| row.get::<_, Option<u64>>(0))
             };
             let mut shares = Table::ALL.map(|table| Share { table, rows: 0 });
             for share in &mut shares {
                 share.rows = rows(share.table)?.unwrap_or(0);
             }
-            let Some(cut) = policy::cut(shares, self.most_bytes) else { break };
+            let Some(cut) = policy::cut(shares, self.most_bytes) else {
+                break;
+            };
             let table = cut.table.name();
-            let sql = format!("DELETE FROM {table} WHERE number < (SELECT min(number) FROM {table}) + ?");
+            let sql =
+                format!("DELETE FROM {table} WHERE number < (SELECT min(number) FROM {table}) + ?");
             self.connection.execute(&sql, [cut.rows])?;
         }
         Ok(number(&self.connection, "page_count")? * page)
@@ -332,8 +397,14 @@ impl Database {
     /// SQLite's.
     pub fn empty_log(&self) -> Result<(), Error> {
         let log = self.connection.path().map(|path| format!("{path}-wal"));
-        let bytes = log.and_then(|log| std::fs::metadata(log).ok()).map_or(0, |log| log.len());
-        if bytes > LOG_BYTES_MAX { self.checkpoint() } else { Ok(()) }
+        let bytes = log
+            .and_then(|log| std::fs::metadata(log).ok())
+            .map_or(0, |log| log.len());
+        if bytes > LOG_BYTES_MAX {
+            self.checkpoint()
+        } else {
+            Ok(())
+        }
     }
 
     /// Empties the write-ahead log into the file, as far as readers allow.
@@ -341,7 +412,8 @@ impl Database {
     /// # Errors
     /// SQLite's.
     pub fn checkpoint(&self) -> Result<(), Error> {
-        self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
+        self.connection
+            .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
     }
 }
 
@@ -351,11 +423,21 @@ fn put(transaction: &Transaction<'_>, table: Table, row: &Row) -> Result<(), Err
         Table::Audit => "INSERT OR REPLACE INTO audit VALUES (?, ?, ?, ?, ?, ?)",
         Table::Availability => "INSERT OR REPLACE INTO availability VALUES (?, ?, ?, ?, ?, ?)",
     })?;
-    put.execute(params![row.number, row.at.unix_ms, row.kind, row.name, row.body, row.crc(table)]).map(drop)
+    put.execute(params![
+        row.number,
+        row.at.unix_ms,
+        row.kind,
+        row.name,
+        row.body,
+        row.crc(table)
+    ])
+    .map(drop)
 }
 
 fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
-    match connection.query_row("SELECT value FROM meta WHERE key = ?", [key], |row| row.get(0)) {
+    match connection.query_row("SELECT value FROM meta WHERE key = ?", [key], |row| {
+        row.get(0)
+    }) {
         Ok(value) => Ok(Some(value)),
         Err(Error::QueryReturnedNoRows) => Ok(None),
         Err(error) => Err(error),
@@ -363,7 +445,10 @@ fn meta(connection: &Connection, key: &str) -> Result<Option<String>, Error> {
 }
 
 fn found(connection: &Connection) -> Result<DatabaseState, Error> {
-    let mut found = DatabaseState { configuration: meta(connection, "configuration")?, ..DatabaseState::default() };
+    let mut found = DatabaseState {
+        configuration: meta(connection, "configuration")?,
+        ..DatabaseState::default()
+    };
     remembered(connection, &mut found)?;
     Ok(found)
 }
@@ -387,7 +472,10 @@ fn remembered(connection: &Connection, found: &mut DatabaseState) -> Result<(), 
             let name = name.as_deref()?;
             let body = row.get::<_, String>(1).ok()?;
             let is_sound = row.get::<_, u32>(2).ok()? == memory_crc(name, &body);
-            Some((Name::new(name)?, Remembered::from_json(&body).filter(|_| is_sound)?))
+            Some((
+                Name::new(name)?,
+                Remembered::from_json(&body).filter(|_| is_sound)?,
+            ))
         };
         match sound() {
             Some((name, memory)) => drop(found.memory.insert(name, memory)),

@@ -26,7 +26,10 @@ impl DayRow {
     /// The row as JSON.
     #[must_use]
     pub fn in_json(&self) -> Value {
-        let DayUsage { totals, energy_from } = self.usage;
+        let DayUsage {
+            totals,
+            energy_from,
+        } = self.usage;
         json!({
             "day": day(self.day.begin()),
             "drive": self.drive,
@@ -41,12 +44,21 @@ impl DayRow {
     /// The row as a line of CSV, with its line break. A name needs no quotes.
     #[must_use]
     pub fn in_csv(&self) -> String {
-        let DayUsage { totals, energy_from } = self.usage;
-        let energy = energy_from.map(|_| totals.value(UsagePart::Energy).to_string()).unwrap_or_default();
+        let DayUsage {
+            totals,
+            energy_from,
+        } = self.usage;
+        let energy = energy_from
+            .map(|_| totals.value(UsagePart::Energy).to_string())
+            .unwrap_or_default();
         let from = energy_from.map_or("", EnergySource::word);
         let UsageTotals { starts, trips, .. } = totals;
         let hours = totals.value(UsagePart::RunningHours);
-        format!("{},{},{energy},{from},{hours},{starts},{trips}\n", day(self.day.begin()), self.drive)
+        format!(
+            "{},{},{energy},{from},{hours},{starts},{trips}\n",
+            day(self.day.begin()),
+            self.drive
+        )
     }
 }
 
@@ -55,23 +67,40 @@ impl DayRow {
 /// # Errors
 /// SQLite's.
 pub(super) fn of(connection: &Connection, name: &str, day: Day) -> Result<UsageTotals, Error> {
-    let mut select = connection.prepare_cached("SELECT body, crc FROM day WHERE drive = ? AND day = ?")?;
-    let found: Option<(String, u32)> =
-        select.query_row(params![name, day.0], |row| Ok((row.get(0)?, row.get(1)?))).optional()?;
-    Ok(found.and_then(|(body, crc)| from_row(name, day, &body, crc)).unwrap_or_default().totals)
+    let mut select =
+        connection.prepare_cached("SELECT body, crc FROM day WHERE drive = ? AND day = ?")?;
+    let found: Option<(String, u32)> = select
+        .query_row(params![name, day.0], |row| Ok((row.get(0)?, row.get(1)?)))
+        .optional()?;
+    Ok(found
+        .and_then(|(body, crc)| from_row(name, day, &body, crc))
+        .unwrap_or_default()
+        .totals)
 }
 
 /// Stores `usage`, and deletes the oldest days of a drive that has too many.
 ///
 /// # Errors
 /// SQLite's.
-pub(super) fn put(transaction: &Transaction<'_>, name: &str, day: Day, usage: &DayUsage) -> Result<(), Error> {
+pub(super) fn put(
+    transaction: &Transaction<'_>,
+    name: &str,
+    day: Day,
+    usage: &DayUsage,
+) -> Result<(), Error> {
     let (body, crc) = to_row(name, day, usage);
     let update = "UPDATE day SET body = ?, crc = ? WHERE drive = ? AND day = ?";
-    if transaction.prepare_cached(update)?.execute(params![body, crc, name, day.0])? > 0 {
+    if transaction
+        .prepare_cached(update)?
+        .execute(params![body, crc, name, day.0])?
+        > 0
+    {
         return Ok(());
     }
-    transaction.execute("INSERT INTO day VALUES (?, ?, ?, ?)", params![name, day.0, body, crc])?;
+    transaction.execute(
+        "INSERT INTO day VALUES (?, ?, ?, ?)",
+        params![name, day.0, body, crc],
+    )?;
     // They are counted, so that a clock that was set ahead deletes no more than it adds.
     let cut = "DELETE FROM day WHERE drive = ?1 AND day <= \
                (SELECT day FROM day WHERE drive = ?1 ORDER BY day DESC LIMIT 1 OFFSET ?2)";
@@ -86,7 +115,8 @@ pub(super) fn cut(connection: &Connection, most: u64) -> Result<bool, Error> {
     if connection.query_row("SELECT count(*) FROM day", [], |row| row.get::<_, u64>(0))? <= most {
         return Ok(false);
     }
-    let cut = "DELETE FROM day WHERE day <= (SELECT day FROM day ORDER BY day DESC LIMIT 1 OFFSET ?)";
+    let cut =
+        "DELETE FROM day WHERE day <= (SELECT day FROM day ORDER BY day DESC LIMIT 1 OFFSET ?)";
     Ok(connection.execute(cut, [most])? > 0)
 }
 
@@ -97,7 +127,8 @@ pub(super) fn cut(connection: &Connection, most: u64) -> Result<bool, Error> {
 pub(super) fn take_over(transaction: &Transaction<'_>, old: &Path) -> Result<(), Error> {
     let mut rows = Vec::new();
     // What was read before an error is still sound, and an older file has no days.
-    let _ = reader::salvage(old).and_then(|connection| each(&connection, None, |row| rows.push(row)));
+    let _ =
+        reader::salvage(old).and_then(|connection| each(&connection, None, |row| rows.push(row)));
     for DayRow { drive, day, usage } in &rows {
         put(transaction, drive, *day, usage)?;
     }
@@ -108,13 +139,18 @@ pub(super) fn take_over(transaction: &Transaction<'_>, old: &Path) -> Result<(),
 ///
 /// # Errors
 /// SQLite's.
-pub fn each(connection: &Connection, drive: Option<&str>, mut take: impl FnMut(DayRow)) -> Result<(), Error> {
+pub fn each(
+    connection: &Connection,
+    drive: Option<&str>,
+    mut take: impl FnMut(DayRow),
+) -> Result<(), Error> {
     let has_table = "SELECT count(*) FROM sqlite_schema WHERE name = 'day'";
     if connection.query_row(has_table, [], |row| row.get::<_, u64>(0))? == 0 {
         // The file is of an earlier version.
         return Ok(());
     }
-    let sql = "SELECT drive, day, body, crc FROM day WHERE ?1 IS NULL OR drive = ?1 ORDER BY day, drive";
+    let sql =
+        "SELECT drive, day, body, crc FROM day WHERE ?1 IS NULL OR drive = ?1 ORDER BY day, drive";
     let mut select = connection.prepare(sql)?;
     let mut rows = select.query([drive])?;
     while let Some(row) = rows.next()? {
@@ -143,13 +179,22 @@ mod tests {
     }
 
     fn usage(starts: u32) -> DayUsage {
-        let totals = UsageTotals { starts, ..UsageTotals::default() };
-        DayUsage { totals, energy_from: Some(EnergySource::Power) }
+        let totals = UsageTotals {
+            starts,
+            ..UsageTotals::default()
+        };
+        DayUsage {
+            totals,
+            energy_from: Some(EnergySource::Power),
+        }
     }
 
     fn all(connection: &Connection, drive: Option<&str>) -> Vec<(String, i32, u32)> {
         let mut rows = Vec::new();
-        each(connection, drive, |row| rows.push((row.drive, row.day.0, row.usage.totals.starts))).unwrap();
+        each(connection, drive, |row| {
+            rows.push((row.drive, row.day.0, row.usage.totals.starts))
+        })
+        .unwrap();
         rows
     }
 
@@ -166,10 +211,16 @@ mod tests {
         write(&mut connection, "pump-1", [5, 4, 5].into_iter());
         write(&mut connection, "fan-2", [5].into_iter());
         let row = |name: &str, day| (name.to_owned(), day, 1);
-        assert_eq!(all(&connection, None), [row("pump-1", 4), row("fan-2", 5), row("pump-1", 5)]);
+        assert_eq!(
+            all(&connection, None),
+            [row("pump-1", 4), row("fan-2", 5), row("pump-1", 5)]
+        );
         assert_eq!(all(&connection, Some("fan-2")), [row("fan-2", 5)]);
         assert_eq!(of(&connection, "pump-1", Day(4)).unwrap().starts, 1);
-        assert_eq!(of(&connection, "pump-1", Day(9)).unwrap(), UsageTotals::default());
+        assert_eq!(
+            of(&connection, "pump-1", Day(9)).unwrap(),
+            UsageTotals::default()
+        );
     }
 
     #[test]
@@ -178,7 +229,11 @@ mod tests {
         let mut connection = made(&directory.join("journal.db"));
         let most = i32::try_from(DAYS_MAX).unwrap();
         write(&mut connection, "pump-1", 0..most + 10);
-        write(&mut connection, "pump-1", [1_000_000, 1_000_001].into_iter());
+        write(
+            &mut connection,
+            "pump-1",
+            [1_000_000, 1_000_001].into_iter(),
+        );
         write(&mut connection, "fan-2", [0].into_iter());
         let days = all(&connection, Some("pump-1"));
         assert_eq!((days.len(), days[0].1), (DAYS_MAX as usize, 12));
@@ -206,14 +261,22 @@ mod tests {
         let old = directory.join("old.db");
         let mut connection = made(&old);
         write(&mut connection, "pump-1", 0..3);
-        connection.execute("UPDATE day SET body = replace(body, '1', '2') WHERE day = 1", []).unwrap();
+        connection
+            .execute(
+                "UPDATE day SET body = replace(body, '1', '2') WHERE day = 1",
+                [],
+            )
+            .unwrap();
         drop(connection);
         let mut connection = made(&directory.join("new.db"));
         let transaction = connection.transaction().unwrap();
         take_over(&transaction, &old).unwrap();
         take_over(&transaction, &directory.join("none.db")).unwrap();
         transaction.commit().unwrap();
-        let days: Vec<_> = all(&connection, None).into_iter().map(|(_, day, _)| day).collect();
+        let days: Vec<_> = all(&connection, None)
+            .into_iter()
+            .map(|(_, day, _)| day)
+            .collect();
         assert_eq!(days, [0, 2], "the flipped one is lost");
     }
 

@@ -24,7 +24,12 @@ impl EventSender {
     /// Without a request so far.
     #[must_use]
     pub const fn new(mqtt: Option<Arc<AnswerBox>>, changed: Arc<Bell>) -> Self {
-        Self { mqtt, changed, wanted: None, is_due: false }
+        Self {
+            mqtt,
+            changed,
+            wanted: None,
+            is_due: false,
+        }
     }
 
     /// The MQTT side has room for the events after `after`. Replaces an earlier request.
@@ -40,8 +45,12 @@ impl EventSender {
 
     /// Answers the request, once there are events.
     pub fn serve(&mut self, store: &mut Store) {
-        let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else { return };
-        let Some(database) = store.database() else { return };
+        let (Some(after), true, Some(mqtt)) = (self.wanted, self.is_due, &self.mqtt) else {
+            return;
+        };
+        let Some(database) = store.database() else {
+            return;
+        };
         match database.events(after, EVENTS_MAX) {
             Ok((events, more)) => {
                 self.is_due = false;

@@ -23,7 +23,13 @@ pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
     body.insert("session".to_owned(), session.into());
     let kind = event.kind.to_owned();
     let name = event.drive.as_str().to_owned();
-    Row { number, at: event.at, kind, name: Some(name), body: Value::Object(body).to_string() }
+    Row {
+        number,
+        at: event.at,
+        kind,
+        name: Some(name),
+        body: Value::Object(body).to_string(),
+    }
 }
 
 /// Marks the events with these numbers.
@@ -32,7 +38,9 @@ pub fn row(event: &NewEvent, number: u64, session: &str) -> Row {
 /// SQLite's.
 pub fn mark(connection: &Connection, numbers: &BTreeSet<u64>, mark: u8) -> Result<(), Error> {
     for number in numbers {
-        connection.prepare_cached("UPDATE event SET taken = ? WHERE number = ?")?.execute((mark, number))?;
+        connection
+            .prepare_cached("UPDATE event SET taken = ? WHERE number = ?")?
+            .execute((mark, number))?;
     }
     Ok(())
 }
@@ -42,13 +50,24 @@ pub fn mark(connection: &Connection, numbers: &BTreeSet<u64>, mark: u8) -> Resul
 ///
 /// # Errors
 /// SQLite's.
-pub fn waiting(connection: &Connection, after: u64, most: usize) -> Result<(Vec<StoredEvent>, bool), Error> {
+pub fn waiting(
+    connection: &Connection,
+    after: u64,
+    most: usize,
+) -> Result<(Vec<StoredEvent>, bool), Error> {
     loop {
         let rows = unread(connection, after, most + 1)?;
-        let damaged: BTreeSet<u64> = rows.iter().filter(|seen| event_of(seen).is_none()).map(ReadRow::number).collect();
+        let damaged: BTreeSet<u64> = rows
+            .iter()
+            .filter(|seen| event_of(seen).is_none())
+            .map(ReadRow::number)
+            .collect();
         if damaged.is_empty() {
             let has_more = rows.len() > most;
-            return Ok((rows.iter().take(most).filter_map(event_of).collect(), has_more));
+            return Ok((
+                rows.iter().take(most).filter_map(event_of).collect(),
+                has_more,
+            ));
         }
         tracing::error!(numbers = ?damaged, "ALARM: trip events in the journal are damaged and cannot be published");
         mark(connection, &damaged, DAMAGED)?;
@@ -69,29 +88,47 @@ fn unread(connection: &Connection, after: u64, most: usize) -> Result<Vec<ReadRo
 }
 
 fn event_of(seen: &ReadRow) -> Option<StoredEvent> {
-    let ReadRow::Sound(row) = seen else { return None };
+    let ReadRow::Sound(row) = seen else {
+        return None;
+    };
     let drive = Name::new(row.name.as_deref()?)?;
-    Some(StoredEvent { seq: row.number, drive, body: row.body.clone() })
+    Some(StoredEvent {
+        seq: row.number,
+        drive,
+        body: row.body.clone(),
+    })
 }
 
 /// The sound events of the damaged file at `path` that were not taken, as far as they can be read, and the highest
 /// number of all.
 #[must_use]
 pub fn rescued(path: &Path) -> (Vec<Row>, u64) {
-    let Ok(connection) = reader::salvage(path) else { return (Vec::new(), 0) };
+    let Ok(connection) = reader::salvage(path) else {
+        return (Vec::new(), 0);
+    };
     let mut rows: Vec<Row> = Vec::new();
     while rows.len() < RESCUED_MAX {
         let after = rows.last().map_or(0, |row| row.number);
-        let Ok(seen) = unread(&connection, after, 16) else { break };
+        let Ok(seen) = unread(&connection, after, 16) else {
+            break;
+        };
         let before = rows.len();
-        let sound = seen.into_iter().filter_map(|seen| if let ReadRow::Sound(row) = seen { Some(row) } else { None });
+        let sound = seen.into_iter().filter_map(|seen| {
+            if let ReadRow::Sound(row) = seen {
+                Some(row)
+            } else {
+                None
+            }
+        });
         // A damaged index can loop.
         rows.extend(sound.filter(|row| row.number > after));
         if rows.len() == before {
             break;
         }
     }
-    let highest = connection.query_row("SELECT max(number) FROM event", [], |row| row.get::<_, Option<u64>>(0));
+    let highest = connection.query_row("SELECT max(number) FROM event", [], |row| {
+        row.get::<_, Option<u64>>(0)
+    });
     let newest = rows.last().map(|row| row.number);
     (rows, highest.ok().flatten().max(newest).unwrap_or(0))
 }

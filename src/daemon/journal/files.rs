@@ -29,14 +29,21 @@ impl OpenFiles {
     /// Those of the database that was just opened at `path`.
     #[must_use]
     pub fn at(path: &Path) -> Self {
-        Self { file: FileIdentity::at(path), log: FileIdentity::at(&log_of(path)) }
+        Self {
+            file: FileIdentity::at(path),
+            log: FileIdentity::at(&log_of(path)),
+        }
     }
 
     /// What happened to them since; `None`: they are the same.
     pub fn loss(&mut self, path: &Path) -> Option<Loss> {
         let file = FileIdentity::at(path);
         if file != self.file {
-            return Some(if file.is_none() { Loss::Deleted } else { Loss::Replaced });
+            return Some(if file.is_none() {
+                Loss::Deleted
+            } else {
+                Loss::Replaced
+            });
         }
         let log = FileIdentity::at(&log_of(path));
         if self.log.is_none() {
@@ -58,12 +65,16 @@ impl Database {
     /// # Errors
     /// SQLite's.
     pub fn copy_to(&self, path: &Path) -> Result<(), Error> {
-        self.connection.execute("VACUUM INTO ?", [path.to_string_lossy()]).map(drop)
+        self.connection
+            .execute("VACUUM INTO ?", [path.to_string_lossy()])
+            .map(drop)
     }
 
     /// Has its end leave alone what is at its path, which is of another database by then.
     pub fn keep_off(&self) {
-        let kept_off = self.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
+        let kept_off = self
+            .connection
+            .set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
         if let Err(error) = kept_off {
             tracing::debug!(%error, "cannot keep off the log of another journal");
         }

@@ -49,9 +49,29 @@ fn room_for(post: &Post) -> usize {
         (false, Some(_)) => ROWS_MAX,
     };
     match post {
-        Post::Attempt(_, _, _, it) | Post::Keep(_, Keep { entry: Entry::Attempt(it), .. }) => attempt(it),
-        Post::Keep(_, Keep { entry: Entry::Ended { .. }, .. }) => ROWS_MAX + ENDS_MAX,
-        Post::Keep(_, Keep { entry: Entry::Presence(_), .. }) | Post::Note(_) => ROWS_MAX,
+        Post::Attempt(_, _, _, it)
+        | Post::Keep(
+            _,
+            Keep {
+                entry: Entry::Attempt(it),
+                ..
+            },
+        ) => attempt(it),
+        Post::Keep(
+            _,
+            Keep {
+                entry: Entry::Ended { .. },
+                ..
+            },
+        ) => ROWS_MAX + ENDS_MAX,
+        Post::Keep(
+            _,
+            Keep {
+                entry: Entry::Presence(_),
+                ..
+            },
+        )
+        | Post::Note(_) => ROWS_MAX,
         Post::Keep(..)
         | Post::WantEvents(_)
         | Post::EventTaken(_)
@@ -82,8 +102,21 @@ impl Inbox {
         let mut queue = self.lock();
         queue.is_closed |= matches!(post, Post::Close);
         if queue.posts.len() >= room_for(&post) {
-            let is_attempt = matches!(post, Post::Attempt(..) | Post::Keep(_, Keep { entry: Entry::Attempt(_), .. }));
-            queue.lost += Lost { attempts: is_attempt.into(), others: (!is_attempt).into() };
+            let is_attempt = matches!(
+                post,
+                Post::Attempt(..)
+                    | Post::Keep(
+                        _,
+                        Keep {
+                            entry: Entry::Attempt(_),
+                            ..
+                        }
+                    )
+            );
+            queue.lost += Lost {
+                attempts: is_attempt.into(),
+                others: (!is_attempt).into(),
+            };
             return;
         }
         queue.posts.push(post);
@@ -100,9 +133,15 @@ impl Inbox {
         let queue = self.lock();
         let is_empty = |queue: &mut Queue| queue.posts.is_empty() && !queue.is_closed;
         let mut queue = match within {
-            None => self.bell.wait_while(queue, is_empty).unwrap_or_else(PoisonError::into_inner),
+            None => self
+                .bell
+                .wait_while(queue, is_empty)
+                .unwrap_or_else(PoisonError::into_inner),
             Some(within) => {
-                self.bell.wait_timeout_while(queue, within, is_empty).unwrap_or_else(PoisonError::into_inner).0
+                self.bell
+                    .wait_timeout_while(queue, within, is_empty)
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .0
             }
         };
         std::mem::swap(&mut queue.posts, batch);
@@ -123,7 +162,12 @@ mod tests {
     fn refused(order: Order) -> Post {
         let tried = Tried::Order(order);
         let report = Some(Report::refused(Reason::Tripped));
-        let attempt = Attempt { id: AttemptId(1), owner: Owner::Mqtt, tried, report };
+        let attempt = Attempt {
+            id: AttemptId(1),
+            owner: Owner::Mqtt,
+            tried,
+            report,
+        };
         Post::Attempt(1, None, MonoTime::ZERO, attempt)
     }
 
@@ -134,7 +178,16 @@ mod tests {
         inbox.put(refused(Order::Coast));
         inbox.put(Post::EventTaken(7));
         let mut batch = Vec::new();
-        assert_eq!(inbox.take(&mut batch, None), (Lost { attempts: 5, others: 0 }, false));
+        assert_eq!(
+            inbox.take(&mut batch, None),
+            (
+                Lost {
+                    attempts: 5,
+                    others: 0
+                },
+                false
+            )
+        );
         assert_eq!(batch.len(), ROWS_MAX + 2);
         batch.clear();
         inbox.put(Post::Close);
@@ -145,7 +198,10 @@ mod tests {
     fn who_finds_nothing_waits_only_for_so_long() {
         let inbox = Inbox::default();
         let mut batch = Vec::new();
-        assert_eq!(inbox.take(&mut batch, Some(Duration::from_millis(1))), (Lost::default(), false));
+        assert_eq!(
+            inbox.take(&mut batch, Some(Duration::from_millis(1))),
+            (Lost::default(), false)
+        );
         assert!(batch.is_empty());
     }
 }

@@ -13,12 +13,13 @@ pub const COLUMNS: &str = "table,number,at,kind,name,by,tried,outcome,reason,cou
 pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
     let table = table.name();
     let number = seen.number();
-    let ReadRow::Sound(row) = seen else { return json!({ "table": table, "number": number, "damaged": true }) };
+    let ReadRow::Sound(row) = seen else {
+        return json!({ "table": table, "number": number, "damaged": true });
+    };
     let body = body(row);
     let text = has_text.then(|| words(row, &body));
     let Row { at, kind, name, .. } = row;
-    let mut shown =
-        json!({ "table": table, "number": number, "at": rfc3339(*at), "kind": kind, "name": name, "body": body });
+    let mut shown = json!({ "table": table, "number": number, "at": rfc3339(*at), "kind": kind, "name": name, "body": body });
     if let Some(text) = text {
         shown["text"] = text.into();
     }
@@ -28,7 +29,9 @@ pub fn in_json(table: Table, seen: &ReadRow, has_text: bool) -> Value {
 /// A row as a line of CSV, with its line break.
 #[must_use]
 pub fn in_csv(table: Table, seen: &ReadRow) -> String {
-    let ReadRow::Sound(row) = seen else { return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number()) };
+    let ReadRow::Sound(row) = seen else {
+        return format!("{},{},,damaged,,,,,,,\n", table.name(), seen.number());
+    };
     let body = body(row);
     let word = |key: &str| match &body[key] {
         Value::Null => String::new(),
@@ -36,15 +39,30 @@ pub fn in_csv(table: Table, seen: &ReadRow) -> String {
         other => other.to_string(),
     };
     let name = row.name.clone().unwrap_or_default();
-    let first = [table.name().to_owned(), row.number.to_string(), rfc3339(row.at), row.kind.clone(), name];
+    let first = [
+        table.name().to_owned(),
+        row.number.to_string(),
+        rfc3339(row.at),
+        row.kind.clone(),
+        name,
+    ];
     let others = ["by", "tried", "outcome", "reason", "count"].map(word);
-    let fields: Vec<_> = first.into_iter().chain(others).chain([row.body.clone()]).map(|it| quoted(&it)).collect();
+    let fields: Vec<_> = first
+        .into_iter()
+        .chain(others)
+        .chain([row.body.clone()])
+        .map(|it| quoted(&it))
+        .collect();
     fields.join(",") + "\n"
 }
 
 /// Quotes a field as RFC 4180 requires. A text that a spreadsheet would take for a formula is marked as text.
 fn quoted(field: &str) -> String {
-    let mark = if field.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
+    let mark = if field.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        "'"
+    } else {
+        ""
+    };
     if mark.is_empty() && !field.contains([',', '"', '\n', '\r']) {
         return field.to_owned();
     }
@@ -78,39 +96,83 @@ fn words(row: &Row, body: &Value) -> String {
         "attempt" => {
             let outcome = body["outcome"].as_str().unwrap_or("no end is known");
             let reason = body["reason"].as_str().filter(|reason| *reason != "none");
-            let reason = reason.map(|reason| format!(", {reason}")).unwrap_or_default();
-            let holder = body["holder"].as_str().map(|holder| format!(" ({holder})")).unwrap_or_default();
-            format!("{}: {}: {outcome}{reason}{holder}{times}", body["by"].as_str().unwrap_or("unknown"), word("tried"))
+            let reason = reason
+                .map(|reason| format!(", {reason}"))
+                .unwrap_or_default();
+            let holder = body["holder"]
+                .as_str()
+                .map(|holder| format!(" ({holder})"))
+                .unwrap_or_default();
+            format!(
+                "{}: {}: {outcome}{reason}{holder}{times}",
+                body["by"].as_str().unwrap_or("unknown"),
+                word("tried")
+            )
         }
         "failsafe" => {
             // Rows of versions before 0.9 have no stage.
-            let stage = body["stage"].as_str().map(|stage| format!(" ({})", stage.replace('_', " ")));
-            format!("fail-safe action {}{}: {}", word("tried"), stage.unwrap_or_default(), word("cause"))
+            let stage = body["stage"]
+                .as_str()
+                .map(|stage| format!(" ({})", stage.replace('_', " ")));
+            format!(
+                "fail-safe action {}{}: {}",
+                word("tried"),
+                stage.unwrap_or_default(),
+                word("cause")
+            )
         }
         "lease" => lease(body, &word("by")),
-        "usage_reset" => format!("{} set energy, running hours, starts and trips back to 0", word("by")),
+        "usage_reset" => format!(
+            "{} set energy, running hours, starts and trips back to 0",
+            word("by")
+        ),
         "may_still_run" => {
-            let hertz = body["output_hz"].as_f64().map(|hertz| format!(" at {hertz:.2} Hz")).unwrap_or_default();
-            let seen = body["run_state"].as_str().map(|state| format!(", last seen {state}{hertz}"));
+            let hertz = body["output_hz"]
+                .as_f64()
+                .map(|hertz| format!(" at {hertz:.2} Hz"))
+                .unwrap_or_default();
+            let seen = body["run_state"]
+                .as_str()
+                .map(|state| format!(", last seen {state}{hertz}"));
             format!("out of sight{}: it may still run", seen.unwrap_or_default())
         }
         "standstill_confirmed" => format!("{} confirmed that the motor stands", word("by")),
         "stop_given_up" => "a STOP was given up: the drive stayed offline".to_owned(),
         "tripped" => {
-            let away = if body["while_away"] == true { " while away" } else { "" };
-            let text = body["text"].as_str().map(|text| format!(": {text}")).unwrap_or_default();
-            let code = body["code"].as_u64().map_or_else(|| "?".to_owned(), |code| code.to_string());
-            let after = body["running_hours"].as_f64().map(|hours| format!(", after {hours} running hours"));
-            format!("tripped{away}, code {code}{text}{} (event {})", after.unwrap_or_default(), row.number)
+            let away = if body["while_away"] == true {
+                " while away"
+            } else {
+                ""
+            };
+            let text = body["text"]
+                .as_str()
+                .map(|text| format!(": {text}"))
+                .unwrap_or_default();
+            let code = body["code"]
+                .as_u64()
+                .map_or_else(|| "?".to_owned(), |code| code.to_string());
+            let after = body["running_hours"]
+                .as_f64()
+                .map(|hours| format!(", after {hours} running hours"));
+            format!(
+                "tripped{away}, code {code}{text}{} (event {})",
+                after.unwrap_or_default(),
+                row.number
+            )
         }
         "cleared" => format!("trip cleared (event {})", row.number),
         _ => {
-            let reason = body["reason"].as_str().map(|reason| format!(": {reason}")).unwrap_or_default();
+            let reason = body["reason"]
+                .as_str()
+                .map(|reason| format!(": {reason}"))
+                .unwrap_or_default();
             format!("{} {}{reason}", row.kind, word("state"))
         }
     };
     // Text from a client must not control the reader's terminal.
-    said.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
+    said.chars()
+        .map(|c| if c.is_control() { '?' } else { c })
+        .collect()
 }
 
 /// How control changed hands, and whom it concerns.
@@ -118,7 +180,10 @@ fn lease(body: &Value, owner: &str) -> String {
     match body["state"].as_str().unwrap_or("?") {
         "opened" => format!("{owner} holds control"),
         "ended" => format!("{owner} does not hold control any more"),
-        "taken_over" => format!("{owner} took control over from {}", body["from"].as_str().unwrap_or("?")),
+        "taken_over" => format!(
+            "{owner} took control over from {}",
+            body["from"].as_str().unwrap_or("?")
+        ),
         "orphaned" => format!("{owner} held control when the gateway ended, and may take it again"),
         "taken_up" => format!("{owner} is back and holds control"),
         state => format!("lease {state}: {owner}"),
@@ -148,25 +213,39 @@ mod tests {
     #[test]
     fn rows_have_words_and_no_control_characters() {
         let at = WallTime { unix_ms: 0 };
-        let attempt =
-            json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
+        let attempt = json!({ "by": "mqtt", "tried": "run\u{1b}[2J", "outcome": "refused", "reason": "tripped", "count": 3 });
         let said = |row| in_words(Table::Audit, &ReadRow::Sound(row));
         let row = Row::new(at, "attempt", Some("pump-1"), &attempt);
         assert_eq!(
             in_json(Table::Audit, &ReadRow::Sound(row.clone()), true)["text"],
             "mqtt: run?[2J: refused, tripped (3 times)"
         );
-        assert_eq!(said(row), "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n");
+        assert_eq!(
+            said(row),
+            "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n"
+        );
         for (body, expected) in [
-            (json!({ "code": 7, "text": "overload", "while_away": true }), "tripped while away, code 7: overload"),
-            (json!({ "code": null, "while_away": false }), "tripped, code ?"),
+            (
+                json!({ "code": 7, "text": "overload", "while_away": true }),
+                "tripped while away, code 7: overload",
+            ),
+            (
+                json!({ "code": null, "while_away": false }),
+                "tripped, code ?",
+            ),
             (json!({ "code": 7 }), "tripped, code 7"),
         ] {
             let row = Row::new(at, "tripped", Some("pump-1"), &body);
-            assert_eq!(said(row), format!("1970-01-01T00:00:00.000Z pump-1 {expected} (event 0)\n"));
+            assert_eq!(
+                said(row),
+                format!("1970-01-01T00:00:00.000Z pump-1 {expected} (event 0)\n")
+            );
         }
         let down = json!({ "state": "down", "reason": "the port is gone" });
         let said = said(Row::new(at, "line", Some("hall-1"), &down));
-        assert_eq!(said, "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n");
+        assert_eq!(
+            said,
+            "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n"
+        );
     }
 }

@@ -90,35 +90,77 @@ impl Journal {
     ) -> io::Result<(Arc<Self>, BTreeMap<Name, Remembered>)> {
         let inbox = Arc::<Inbox>::default();
         let status = Arc::<Status>::default();
-        let (store, found) = Store::open(&settings.directory.join(FILE_NAME), settings.max_bytes, &status);
+        let (store, found) = Store::open(
+            &settings.directory.join(FILE_NAME),
+            settings.max_bytes,
+            &status,
+        );
         let memory = found.memory.clone();
         let (ends, ended) = oneshot::channel();
         let upkeep = upkeep::start(settings.directory.join(FILE_NAME), Arc::clone(&inbox))?;
-        let writer = writer::Writer::new(store, found, Arc::clone(&inbox), Arc::clone(&status), sides, changed, upkeep);
+        let writer = writer::Writer::new(
+            store,
+            found,
+            Arc::clone(&inbox),
+            Arc::clone(&status),
+            sides,
+            changed,
+            upkeep,
+        );
         let configuration = settings.configuration.clone();
         let known = writer.known();
-        std::thread::Builder::new().name("journal".to_owned()).spawn(move || {
-            writer.run(&configuration);
-            drop(ends);
-        })?;
+        std::thread::Builder::new()
+            .name("journal".to_owned())
+            .spawn(move || {
+                writer.run(&configuration);
+                drop(ends);
+            })?;
         let file = settings.directory.join(FILE_NAME);
-        let journal = Self { file, inbox, status, sources: AtomicU64::new(0), known, ended: Mutex::new(Some(ended)) };
+        let journal = Self {
+            file,
+            inbox,
+            status,
+            sources: AtomicU64::new(0),
+            known,
+            ended: Mutex::new(Some(ended)),
+        };
         Ok((Arc::new(journal), memory))
     }
 
     /// Registers a line that has just started: its rows are numbered from 1. `inbox` is notified of what is kept.
     #[must_use]
-    pub fn line(self: &Arc<Self>, name: Name, drives: Vec<DriveDescription>, inbox: Arc<LineInbox>) -> Source {
+    pub fn line(
+        self: &Arc<Self>,
+        name: Name,
+        drives: Vec<DriveDescription>,
+        inbox: Arc<LineInbox>,
+    ) -> Source {
         let names = drives.iter().map(|drive| drive.name.clone());
-        self.known.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
-        let origin = Origin { id: self.next_source(), line: name, drives, inbox, kept: AtomicU64::new(0) };
-        Source { journal: Arc::clone(self), origin: Arc::new(origin) }
+        self.known
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .extend(names);
+        let origin = Origin {
+            id: self.next_source(),
+            line: name,
+            drives,
+            inbox,
+            kept: AtomicU64::new(0),
+        };
+        Source {
+            journal: Arc::clone(self),
+            origin: Arc::new(origin),
+        }
     }
 
     /// Registers a north side for attempts that it refuses itself; `current` has the names of drives.
     #[must_use]
     pub fn north(self: &Arc<Self>, current: Current) -> NorthSource {
-        NorthSource { journal: Arc::clone(self), current, id: self.next_source() }
+        NorthSource {
+            journal: Arc::clone(self),
+            current,
+            id: self.next_source(),
+        }
     }
 
     fn next_source(&self) -> u64 {
@@ -148,7 +190,11 @@ impl Journal {
     pub async fn close(&self, within: Duration) {
         self.inbox.put(Post::Note(row::ended(clock::wall())));
         self.inbox.put(Post::Close);
-        let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let ended = self
+            .ended
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
         let Some(ended) = ended else { return };
         if tokio::time::timeout(within, ended).await.is_err() {
             tracing::error!("journal did not write its last rows in time");
@@ -166,12 +212,19 @@ pub struct Source {
 impl Source {
     /// Keeps a row of the line.
     pub fn keep(&self, keep: Keep) {
-        self.journal.inbox.put(Post::Keep(Arc::clone(&self.origin), keep));
+        self.journal
+            .inbox
+            .put(Post::Keep(Arc::clone(&self.origin), keep));
     }
 
     /// Notes whether the line can be used.
     pub fn state(&self, report: &LineReport) {
-        let note = row::line(clock::wall(), self.origin.line.as_str(), report.state, report.fault);
+        let note = row::line(
+            clock::wall(),
+            self.origin.line.as_str(),
+            report.state,
+            report.fault,
+        );
         self.journal.inbox.put(Post::Note(note));
     }
 
@@ -201,9 +254,18 @@ impl NorthSource {
     /// exist.
     pub fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
         let shared = self.current.load();
-        let find = |place| shared.drives.iter().find(|drive| drive.description.place == place);
-        let name = drive.and_then(find).map(|drive| drive.description.name.clone());
-        self.journal.inbox.put(Post::Attempt(self.id, name, clock::now(), attempt));
+        let find = |place| {
+            shared
+                .drives
+                .iter()
+                .find(|drive| drive.description.place == place)
+        };
+        let name = drive
+            .and_then(find)
+            .map(|drive| drive.description.name.clone());
+        self.journal
+            .inbox
+            .put(Post::Attempt(self.id, name, clock::now(), attempt));
     }
 
     /// The broker has the event `seq`: it is not published again.

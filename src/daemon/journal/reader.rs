@@ -48,7 +48,14 @@ pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
         let kind = row.get(2).ok()?;
         let name = row.get(3).ok()?;
         let body = row.get(4).ok()?;
-        Row { number, at: WallTime { unix_ms }, kind, name, body }.checked(table, row.get(5).ok()?)
+        Row {
+            number,
+            at: WallTime { unix_ms },
+            kind,
+            name,
+            body,
+        }
+        .checked(table, row.get(5).ok()?)
     };
     Ok(read().map_or(ReadRow::Damaged(number), ReadRow::Sound))
 }
@@ -59,7 +66,9 @@ pub fn seen(table: Table, row: &rusqlite::Row<'_>) -> Result<ReadRow, Error> {
 /// SQLite's.
 pub fn connect(path: &Path) -> Result<Connection, Error> {
     is_long_enough(path)?;
-    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_URI | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY
+        | OpenFlags::SQLITE_OPEN_URI
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let open = |target: &Path| {
         let connection = Connection::open_with_flags(target, flags)?;
         connection.busy_timeout(BUSY_WAIT)?;
@@ -71,7 +80,11 @@ pub fn connect(path: &Path) -> Result<Connection, Error> {
     let log = PathBuf::from(format!("{}-wal", path.display()));
     open(path).or_else(|error| {
         // Without a gateway there is no log, and in a directory without write access SQLite could not create one.
-        if log.exists() { Err(error) } else { open(Path::new(&format!("file:{}?immutable=1", escaped(path)))) }
+        if log.exists() {
+            Err(error)
+        } else {
+            open(Path::new(&format!("file:{}?immutable=1", escaped(path))))
+        }
     })
 }
 
@@ -91,13 +104,20 @@ pub fn salvage(path: &Path) -> Result<Connection, Error> {
 fn is_long_enough(path: &Path) -> Result<(), Error> {
     if std::fs::metadata(path).is_ok_and(|it| it.len() < PAGE_BYTES_MIN) {
         let what = "it is shorter than any database".to_owned();
-        return Err(Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what)));
+        return Err(Error::SqliteFailure(
+            rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT),
+            Some(what),
+        ));
     }
     Ok(())
 }
 
 fn escaped(path: &Path) -> String {
-    path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23")
+    path.display()
+        .to_string()
+        .replace('%', "%25")
+        .replace('?', "%3f")
+        .replace('#', "%23")
 }
 
 /// The row `number` of `table`; `None` if it was deleted.
@@ -105,7 +125,10 @@ fn escaped(path: &Path) -> String {
 /// # Errors
 /// SQLite's.
 pub fn row(connection: &Connection, table: Table, number: u64) -> Result<Option<ReadRow>, Error> {
-    let sql = format!("SELECT number, at, kind, name, body, crc FROM {} WHERE number = ?", table.name());
+    let sql = format!(
+        "SELECT number, at, kind, name, body, crc FROM {} WHERE number = ?",
+        table.name()
+    );
     let mut select = connection.prepare_cached(&sql)?;
     match select.query_row([number], |row| seen(table, row)) {
         Err(Error::QueryReturnedNoRows) => Ok(None),
@@ -145,11 +168,23 @@ impl<'c> Rows<'c> {
     pub const fn newest_first(connection: &'c Connection, table: Table) -> Self {
         // SQLite's greatest number.
         let last = i64::MAX.unsigned_abs();
-        Self { connection, table, is_backward: true, last, page: VecDeque::new(), has_failed: false, failure: None }
+        Self {
+            connection,
+            table,
+            is_backward: true,
+            last,
+            page: VecDeque::new(),
+            has_failed: false,
+            failure: None,
+        }
     }
 
     fn read(&mut self) -> Result<(), Error> {
-        let (behind, order) = if self.is_backward { ("<", "DESC") } else { (">", "ASC") };
+        let (behind, order) = if self.is_backward {
+            ("<", "DESC")
+        } else {
+            (">", "ASC")
+        };
         let sql = format!(
             "SELECT number, at, kind, name, body, crc FROM {} WHERE number {behind} ? ORDER BY number {order} LIMIT ?",
             self.table.name()
@@ -179,15 +214,24 @@ impl Iterator for Rows<'_> {
             // What was read before the error is sound.
             self.failure = read.err();
         }
-        self.page.pop_front().map(Ok).or_else(|| self.failure.take().map(Err))
+        self.page
+            .pop_front()
+            .map(Ok)
+            .or_else(|| self.failure.take().map(Err))
     }
 }
 
 /// The error for a table whose numbers are not ascending.
 #[must_use]
 pub fn out_of_order(table: Table) -> Error {
-    let what = format!("the rows of {} are out of order: the file is damaged", table.name());
-    Error::SqliteFailure(rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT), Some(what))
+    let what = format!(
+        "the rows of {} are out of order: the file is damaged",
+        table.name()
+    );
+    Error::SqliteFailure(
+        rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_CORRUPT),
+        Some(what),
+    )
 }
 
 /// Problems that a check of the whole file finds, as SQLite words them; empty if it is sound.
@@ -197,7 +241,9 @@ pub fn out_of_order(table: Table) -> Error {
 pub fn check(path: &Path) -> Result<Vec<String>, Error> {
     let connection = connect(path)?;
     let mut check = connection.prepare("PRAGMA quick_check(10)")?;
-    let found: Vec<String> = check.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?;
+    let found: Vec<String> = check
+        .query_map([], |row| row.get(0))?
+        .collect::<Result<_, _>>()?;
     Ok(found.into_iter().filter(|line| line != "ok").collect())
 }
 
@@ -207,9 +253,14 @@ pub fn check(path: &Path) -> Result<Vec<String>, Error> {
 /// SQLite's.
 pub fn unused_drives(path: &Path) -> Result<Vec<Name>, Error> {
     let connection = connect(path)?;
-    let tables = Table::ALL.map(|table| format!("SELECT name FROM {} WHERE name IS NOT NULL", table.name()));
-    let mut select =
-        connection.prepare(&format!("SELECT name FROM drive WHERE name NOT IN ({})", tables.join(" UNION ")))?;
-    let names = select.query_map([], |row| row.get::<_, String>(0))?.collect::<Result<Vec<_>, _>>()?;
+    let tables =
+        Table::ALL.map(|table| format!("SELECT name FROM {} WHERE name IS NOT NULL", table.name()));
+    let mut select = connection.prepare(&format!(
+        "SELECT name FROM drive WHERE name NOT IN ({})",
+        tables.join(" UNION ")
+    ))?;
+    let names = select
+        .query_map([], |row| row.get::<_, String>(0))?
+        .collect::<Result<Vec<_>, _>>()?;
     Ok(names.iter().filter_map(|name| Name::new(name)).collect())
 }

@@ -32,11 +32,16 @@ pub enum Standing {
 /// # Errors
 /// The system's.
 pub fn standing(path: &Path) -> io::Result<Standing> {
-    let log = std::fs::metadata(PathBuf::from(format!("{}-wal", path.display()))).map_or(0, |log| log.len());
+    let log = std::fs::metadata(PathBuf::from(format!("{}-wal", path.display())))
+        .map_or(0, |log| log.len());
     let broken = |what: &str| Ok(Standing::Broken(what.to_owned()));
     let found = match std::fs::metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound && log == 0 => return Ok(Standing::New),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return broken("it is missing, but its log exists"),
+        Err(error) if error.kind() == io::ErrorKind::NotFound && log == 0 => {
+            return Ok(Standing::New);
+        }
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return broken("it is missing, but its log exists");
+        }
         found => found?,
     };
     match found.len() {
@@ -48,7 +53,9 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
         // What is missing in the file may be in its log.
         _ if log > 0 => Ok(Standing::Whole),
         bytes => Ok(match bytes_of(path)? {
-            Some(whole) if whole > bytes => Standing::Broken(format!("it was cut to {bytes} of {whole} bytes")),
+            Some(whole) if whole > bytes => {
+                Standing::Broken(format!("it was cut to {bytes} of {whole} bytes"))
+            }
             _ => Standing::Whole,
         }),
     }
@@ -58,7 +65,12 @@ pub fn standing(path: &Path) -> io::Result<Standing> {
 fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
     let mut header = [0; HEADER_BYTES];
     File::open(path)?.read_exact(&mut header)?;
-    let number = |at: usize| header.get(at..at + 4).and_then(|it| it.try_into().ok()).map(u32::from_be_bytes);
+    let number = |at: usize| {
+        header
+            .get(at..at + 4)
+            .and_then(|it| it.try_into().ok())
+            .map(u32::from_be_bytes)
+    };
     let page = match header.get(16..18) {
         Some([0, 1]) => 65_536,
         Some([high, low]) => u64::from(u16::from_be_bytes([*high, *low])),
@@ -68,7 +80,9 @@ fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
     let change = number(24);
     let pages = number(28);
     let valid_for = number(92);
-    Ok(pages.filter(|_| change == valid_for).map(|pages| u64::from(pages) * page))
+    Ok(pages
+        .filter(|_| change == valid_for)
+        .map(|pages| u64::from(pages) * page))
 }
 
 /// What could be read of one table.
@@ -85,10 +99,18 @@ pub struct Rescued {
 pub fn rescued(path: &Path, table: Table) -> Rescued {
     let connection = match reader::salvage(path) {
         Ok(connection) => connection,
-        Err(error) => return Rescued { rows: Vec::new(), lost: Some(format!("all of {}: {error}", table.name())) },
+        Err(error) => {
+            return Rescued {
+                rows: Vec::new(),
+                lost: Some(format!("all of {}: {error}", table.name())),
+            };
+        }
     };
     let sql = format!("SELECT max(number) FROM {}", table.name());
-    let newest = connection.query_row(&sql, [], |row| row.get::<_, Option<u64>>(0)).ok().flatten();
+    let newest = connection
+        .query_row(&sql, [], |row| row.get::<_, Option<u64>>(0))
+        .ok()
+        .flatten();
     let after = newest.map_or(0, |newest| newest.saturating_sub(RESCUED_MAX as u64));
     let mut rows = VecDeque::new();
     let mut last = after;
@@ -106,5 +128,8 @@ pub fn rescued(path: &Path, table: Table) -> Rescued {
             Err(error) => lost = Some(format!("{} after number {last}: {error}", table.name())),
         }
     }
-    Rescued { rows: rows.into(), lost }
+    Rescued {
+        rows: rows.into(),
+        lost,
+    }
 }

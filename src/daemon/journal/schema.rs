@@ -53,7 +53,8 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
     let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get::<_, i64>(0));
     let version = number("user_version")?;
     let application = number("application_id")?;
-    let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
+    let tables: i64 =
+        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
     let is_new = version == 0 && tables == 0;
     if !is_new && application != APPLICATION {
         return Ok(Made::Foreign);
@@ -74,7 +75,10 @@ pub fn make(connection: &mut Connection, session: &str) -> Result<Made, Error> {
         for step in STEPS.iter().skip(usize::try_from(version).unwrap_or(0)) {
             transaction.execute_batch(step)?;
         }
-        transaction.execute("INSERT OR IGNORE INTO meta VALUES ('session', ?)", [session])?;
+        transaction.execute(
+            "INSERT OR IGNORE INTO meta VALUES ('session', ?)",
+            [session],
+        )?;
         transaction.pragma_update(None, "application_id", APPLICATION)?;
         transaction.pragma_update(None, "user_version", VERSION)?;
         transaction.commit()?;
@@ -90,9 +94,12 @@ mod tests {
     fn of_version_1() -> Connection {
         let connection = Connection::open_in_memory().unwrap();
         connection.execute_batch(STEPS[0]).unwrap();
-        connection.pragma_update(None, "application_id", APPLICATION).unwrap();
+        connection
+            .pragma_update(None, "application_id", APPLICATION)
+            .unwrap();
         connection.pragma_update(None, "user_version", 1).unwrap();
-        let rows = "INSERT INTO event (number, at, kind, body, crc) VALUES (7, 1, 'tripped', '{}', 2);
+        let rows =
+            "INSERT INTO event (number, at, kind, body, crc) VALUES (7, 1, 'tripped', '{}', 2);
                     INSERT INTO drive VALUES ('pump-1', '{}', 3);
                     INSERT INTO meta VALUES ('session', 'first');";
         connection.execute_batch(rows).unwrap();
@@ -103,12 +110,27 @@ mod tests {
     fn a_journal_of_an_earlier_version_keeps_its_rows_and_gets_what_is_new() {
         let mut connection = of_version_1();
         assert_eq!(make(&mut connection, "second").unwrap(), Made::Found);
-        let number = |sql: &str| connection.query_row(sql, [], |row| row.get::<_, i64>(0)).unwrap();
+        let number = |sql: &str| {
+            connection
+                .query_row(sql, [], |row| row.get::<_, i64>(0))
+                .unwrap()
+        };
         assert_eq!(number("SELECT number FROM event WHERE taken = 0"), 7);
         assert_eq!(number("SELECT crc FROM drive WHERE name = 'pump-1'"), 3);
-        assert_eq!(number("SELECT value = 'first' FROM meta WHERE key = 'session'"), 1, "numbers go on");
+        assert_eq!(
+            number("SELECT value = 'first' FROM meta WHERE key = 'session'"),
+            1,
+            "numbers go on"
+        );
         assert_eq!(number("SELECT count(*) FROM day"), 0);
-        assert_eq!(number("SELECT user_version FROM pragma_user_version"), VERSION);
-        assert_eq!(make(&mut connection, "third").unwrap(), Made::Found, "once is enough");
+        assert_eq!(
+            number("SELECT user_version FROM pragma_user_version"),
+            VERSION
+        );
+        assert_eq!(
+            make(&mut connection, "third").unwrap(),
+            Made::Found,
+            "once is enough"
+        );
     }
 }

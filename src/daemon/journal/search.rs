@@ -40,7 +40,8 @@ impl Since {
         };
         let found = parse(text).map(Self::At).or_else(ago);
         found.ok_or_else(|| {
-            "expected a time such as 2026-01-31T08:00, or a duration such as 30min, 12h or 7d".to_owned()
+            "expected a time such as 2026-01-31T08:00, or a duration such as 30min, 12h or 7d"
+                .to_owned()
         })
     }
 
@@ -49,7 +50,9 @@ impl Since {
     pub const fn moment(self, now: WallTime) -> WallTime {
         match self {
             Self::At(at) => at,
-            Self::Ago(millis) => WallTime { unix_ms: now.unix_ms.saturating_sub(millis) },
+            Self::Ago(millis) => WallTime {
+                unix_ms: now.unix_ms.saturating_sub(millis),
+            },
         }
     }
 }
@@ -81,14 +84,22 @@ impl Wanted {
     /// Whether a row is wanted. A damaged one always is: what it was about is unknown.
     #[must_use]
     pub fn wants(&self, seen: &ReadRow) -> bool {
-        let ReadRow::Sound(row) = seen else { return true };
-        let is_about = self.drive.as_ref().is_none_or(|drive| row.name.as_ref() == Some(drive));
+        let ReadRow::Sound(row) = seen else {
+            return true;
+        };
+        let is_about = self
+            .drive
+            .as_ref()
+            .is_none_or(|drive| row.name.as_ref() == Some(drive));
         is_about && !self.is_too_old(seen)
     }
 
     fn is_too_old(&self, seen: &ReadRow) -> bool {
-        let ReadRow::Sound(row) = seen else { return false };
-        self.since.is_some_and(|since| row.at.unix_ms < since.unix_ms)
+        let ReadRow::Sound(row) = seen else {
+            return false;
+        };
+        self.since
+            .is_some_and(|since| row.at.unix_ms < since.unix_ms)
     }
 }
 
@@ -100,7 +111,12 @@ impl<'c> Merged<'c> {
     /// All rows of these tables, oldest first.
     #[must_use]
     pub fn new(connection: &'c Connection, tables: &[Table]) -> Self {
-        Self(tables.iter().map(|table| (*table, Rows::after(connection, *table, 0).peekable())).collect())
+        Self(
+            tables
+                .iter()
+                .map(|table| (*table, Rows::after(connection, *table, 0).peekable()))
+                .collect(),
+        )
     }
 }
 
@@ -113,7 +129,11 @@ impl Iterator for Merged<'_> {
             // At once: no moment is known, and an error ends everything.
             Ok(ReadRow::Damaged(_)) | Err(_) => Some(i64::MIN),
         };
-        let moments = self.0.iter_mut().enumerate().filter_map(|(place, (_, rows))| Some((moment(rows)?, place)));
+        let moments = self
+            .0
+            .iter_mut()
+            .enumerate()
+            .filter_map(|(place, (_, rows))| Some((moment(rows)?, place)));
         let (_, place) = moments.min()?;
         let (table, rows) = self.0.get_mut(place)?;
         rows.next().map(|seen| seen.map(|seen| (*table, seen)))
@@ -133,17 +153,38 @@ pub struct SearchResult {
 ///
 /// # Errors
 /// SQLite's.
-pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<SearchResult, Error> {
-    let mut tables: Vec<_> = wanted.tables.iter().map(|table| Backward::new(connection, *table)).collect();
+pub fn newest(
+    connection: &Connection,
+    wanted: &Wanted,
+    most: usize,
+) -> Result<SearchResult, Error> {
+    let mut tables: Vec<_> = wanted
+        .tables
+        .iter()
+        .map(|table| Backward::new(connection, *table))
+        .collect();
     let mut rows = Vec::new();
     let mut looked_at = 0;
     while rows.len() < most && looked_at < LOOKED_AT_MAX {
-        let moments = tables.iter_mut().enumerate().filter_map(|(place, table)| Some((table.moment()?, place)));
-        let Some((_, place)) = moments.max() else { break };
-        let Some(table) = tables.get_mut(place) else { break };
-        let Some(seen) = table.rows.next().transpose()? else { continue };
+        let moments = tables
+            .iter_mut()
+            .enumerate()
+            .filter_map(|(place, table)| Some((table.moment()?, place)));
+        let Some((_, place)) = moments.max() else {
+            break;
+        };
+        let Some(table) = tables.get_mut(place) else {
+            break;
+        };
+        let Some(seen) = table.rows.next().transpose()? else {
+            continue;
+        };
         looked_at += 1;
-        table.too_old = if wanted.is_too_old(&seen) { table.too_old + 1 } else { 0 };
+        table.too_old = if wanted.is_too_old(&seen) {
+            table.too_old + 1
+        } else {
+            0
+        };
         if wanted.wants(&seen) {
             rows.push((table.table, seen.number()));
         }
@@ -152,7 +193,10 @@ pub fn newest(connection: &Connection, wanted: &Wanted, most: usize) -> Result<S
         }
     }
     rows.reverse();
-    Ok(SearchResult { rows, is_complete: looked_at < LOOKED_AT_MAX })
+    Ok(SearchResult {
+        rows,
+        is_complete: looked_at < LOOKED_AT_MAX,
+    })
 }
 
 /// The rows of one table, newest first.
@@ -165,7 +209,11 @@ struct Backward<'c> {
 
 impl<'c> Backward<'c> {
     fn new(connection: &'c Connection, table: Table) -> Self {
-        Self { table, rows: Rows::newest_first(connection, table).peekable(), too_old: 0 }
+        Self {
+            table,
+            rows: Rows::newest_first(connection, table).peekable(),
+            too_old: 0,
+        }
     }
 
     /// The time by which the next row is merged with those of other tables.
@@ -190,16 +238,30 @@ mod tests {
         let mut connection = Connection::open_in_memory().unwrap();
         schema::make(&mut connection, "test").unwrap();
         for (table, number, unix_ms, name) in rows {
-            let row = Row { number, ..Row::new(WallTime { unix_ms }, "test", Some(name), &json!({})) };
-            let sql =
-                format!("INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)", table.name());
-            connection.execute(&sql, (number, unix_ms, &row.kind, name, &row.body, row.crc(table))).unwrap();
+            let row = Row {
+                number,
+                ..Row::new(WallTime { unix_ms }, "test", Some(name), &json!({}))
+            };
+            let sql = format!(
+                "INSERT INTO {} (number, at, kind, name, body, crc) VALUES (?, ?, ?, ?, ?, ?)",
+                table.name()
+            );
+            connection
+                .execute(
+                    &sql,
+                    (number, unix_ms, &row.kind, name, &row.body, row.crc(table)),
+                )
+                .unwrap();
         }
         connection
     }
 
     fn wanted(tables: &'static [Table]) -> Wanted {
-        Wanted { tables, drive: None, since: None }
+        Wanted {
+            tables,
+            drive: None,
+            since: None,
+        }
     }
 
     /// Tables and numbers of the newest.
@@ -219,15 +281,39 @@ mod tests {
             (Table::Audit, 3, 50, "b"),
         ]);
         let all = wanted(&Table::ALL);
-        assert_eq!(numbers(&connection, &all, 3), [(Table::Audit, 2), (Table::Event, 2), (Table::Audit, 3)]);
+        assert_eq!(
+            numbers(&connection, &all, 3),
+            [(Table::Audit, 2), (Table::Event, 2), (Table::Audit, 3)]
+        );
         assert_eq!(numbers(&connection, &all, 100).len(), 5);
-        assert_eq!(numbers(&connection, &wanted(&[Table::Event]), 1), [(Table::Event, 2)]);
-        let of_b = Wanted { drive: Some("b".to_owned()), ..all.clone() };
-        assert_eq!(numbers(&connection, &of_b, 100), [(Table::Event, 1), (Table::Audit, 3)]);
-        let late = Wanted { since: Some(WallTime { unix_ms: 40 }), ..all.clone() };
-        assert_eq!(numbers(&connection, &late, 100), [(Table::Event, 2), (Table::Audit, 3)]);
-        connection.execute("UPDATE audit SET name = 'x' WHERE number = 1", []).unwrap();
-        assert_eq!(numbers(&connection, &late, 100)[0], (Table::Audit, 1), "a damaged one may be about anything");
+        assert_eq!(
+            numbers(&connection, &wanted(&[Table::Event]), 1),
+            [(Table::Event, 2)]
+        );
+        let of_b = Wanted {
+            drive: Some("b".to_owned()),
+            ..all.clone()
+        };
+        assert_eq!(
+            numbers(&connection, &of_b, 100),
+            [(Table::Event, 1), (Table::Audit, 3)]
+        );
+        let late = Wanted {
+            since: Some(WallTime { unix_ms: 40 }),
+            ..all.clone()
+        };
+        assert_eq!(
+            numbers(&connection, &late, 100),
+            [(Table::Event, 2), (Table::Audit, 3)]
+        );
+        connection
+            .execute("UPDATE audit SET name = 'x' WHERE number = 1", [])
+            .unwrap();
+        assert_eq!(
+            numbers(&connection, &late, 100)[0],
+            (Table::Audit, 1),
+            "a damaged one may be about anything"
+        );
     }
 
     #[test]
@@ -235,23 +321,46 @@ mod tests {
         let early = (1..=5).map(|number| (Table::Audit, number, 1000, "a"));
         let set_back = (6..=10).map(|number| (Table::Audit, number, 1, "a"));
         let connection = journal(early.chain(set_back));
-        let late = Wanted { since: Some(WallTime { unix_ms: 500 }), ..wanted(&[Table::Audit]) };
-        assert_eq!(numbers(&connection, &late, 100), [1, 2, 3, 4, 5].map(|number| (Table::Audit, number)));
+        let late = Wanted {
+            since: Some(WallTime { unix_ms: 500 }),
+            ..wanted(&[Table::Audit])
+        };
+        assert_eq!(
+            numbers(&connection, &late, 100),
+            [1, 2, 3, 4, 5].map(|number| (Table::Audit, number))
+        );
     }
 
     #[test]
     fn a_search_in_a_long_journal_ends_soon() {
         let most = TOO_OLD_MAX as u64;
-        let connection = journal((1..=most + 1).map(|number| (Table::Audit, number, i64::from(number == 1), "a")));
-        let late = Wanted { since: Some(WallTime { unix_ms: 1 }), ..wanted(&[Table::Audit]) };
-        assert_eq!(numbers(&connection, &late, 100), [] as [(Table, u64); 0], "behind so many old ones nobody looks");
+        let connection = journal(
+            (1..=most + 1).map(|number| (Table::Audit, number, i64::from(number == 1), "a")),
+        );
+        let late = Wanted {
+            since: Some(WallTime { unix_ms: 1 }),
+            ..wanted(&[Table::Audit])
+        };
+        assert_eq!(
+            numbers(&connection, &late, 100),
+            [] as [(Table, u64); 0],
+            "behind so many old ones nobody looks"
+        );
     }
 
     #[test]
     fn moments_and_times_are_distinguished() {
         assert!(matches!(Since::parse("2026-01-31T08:00"), Ok(Since::At(_))));
         assert!(matches!(Since::parse("7d"), Ok(Since::Ago(604_800_000))));
-        for wrong in ["", "7", "d", "7 d", "7w", "99999999999999999999d", "9223372036854775807d"] {
+        for wrong in [
+            "",
+            "7",
+            "d",
+            "7 d",
+            "7w",
+            "99999999999999999999d",
+            "9223372036854775807d",
+        ] {
             assert!(Since::parse(wrong).is_err(), "{wrong}");
         }
     }

@@ -59,7 +59,10 @@ impl Store {
         };
         let found = store.connect();
         // What an earlier run has left is read even if nothing can be written.
-        let found = found.unwrap_or_else(|| DatabaseState { memory: rescued(path), ..DatabaseState::default() });
+        let found = found.unwrap_or_else(|| DatabaseState {
+            memory: rescued(path),
+            ..DatabaseState::default()
+        });
         (store, found)
     }
 
@@ -74,7 +77,12 @@ impl Store {
             Broken::Refused(reason) => self.failed(reason),
             Broken::Damaged(reason) => match self.begin_anew(&reason) {
                 Ok(aside) => match self.open_once() {
-                    Ok(found) => return Some(DatabaseState { memory: rescued(&aside), ..found }),
+                    Ok(found) => {
+                        return Some(DatabaseState {
+                            memory: rescued(&aside),
+                            ..found
+                        });
+                    }
                     Err(Broken::Refused(reason) | Broken::Damaged(reason)) => self.failed(reason),
                 },
                 Err(error) => self.failed(format!("{reason}; it cannot be moved aside: {error}")),
@@ -93,7 +101,10 @@ impl Store {
                 let now = clock::wall();
                 let file = self.path.display().to_string();
                 let reason = "its file was empty: rows that an earlier one may have held are lost";
-                tracing::warn!(file, "journal file is empty; starting a new journal; earlier rows, if any, are lost");
+                tracing::warn!(
+                    file,
+                    "journal file is empty; starting a new journal; earlier rows, if any, are lost"
+                );
                 self.notes.push(row::begun_anew(now, reason, None));
             }
         }
@@ -121,8 +132,13 @@ impl Store {
         let now = clock::wall();
         let aside = move_aside(&self.path, now)?;
         let lies_at = aside.display().to_string();
-        tracing::error!(reason, moved_to = lies_at, "ALARM: journal is unusable; moved it aside and started a new one");
-        self.status.change(|report| report.moved_aside = Some(lies_at.clone()));
+        tracing::error!(
+            reason,
+            moved_to = lies_at,
+            "ALARM: journal is unusable; moved it aside and started a new one"
+        );
+        self.status
+            .change(|report| report.moved_aside = Some(lies_at.clone()));
         self.has_begun_anew = true;
         let mark = self.mark.take();
         let is_first = self.audit_base.is_none();
@@ -130,7 +146,11 @@ impl Store {
         let mut told = reason.to_owned();
         match (opened, &mut self.database) {
             (Ok(_), Some(database)) => match database.take_over(&aside, mark.as_ref()) {
-                Ok(TakenOver { rows, waiting, lost }) => {
+                Ok(TakenOver {
+                    rows,
+                    waiting,
+                    lost,
+                }) => {
                     if is_first {
                         self.audit_base = Some(database.audit_base());
                     } else {
@@ -138,9 +158,17 @@ impl Store {
                         database.count_audit_from(self.audit_base.unwrap_or_default());
                     }
                     told += &format!("; {rows} rows recovered");
-                    told += &lost.iter().map(|lost| format!("; lost: {lost}")).collect::<String>();
+                    told += &lost
+                        .iter()
+                        .map(|lost| format!("; lost: {lost}"))
+                        .collect::<String>();
                     let lost = lost.join("; ");
-                    tracing::warn!(rows, unpublished_events = waiting, lost, "recovered rows of the damaged journal");
+                    tracing::warn!(
+                        rows,
+                        unpublished_events = waiting,
+                        lost,
+                        "recovered rows of the damaged journal"
+                    );
                 }
                 Err(error) => tracing::error!(%error, "cannot recover rows of the damaged journal"),
             },
@@ -155,7 +183,9 @@ impl Store {
     /// notified when a file that it has open is deleted or replaced, and would go on writing into a file without a name.
     pub fn look(&mut self) {
         let files = self.files.as_mut().filter(|_| self.database.is_some());
-        let Some(loss) = files.and_then(|files| files.loss(&self.path)) else { return };
+        let Some(loss) = files.and_then(|files| files.loss(&self.path)) else {
+            return;
+        };
         let what = match loss {
             Loss::Deleted => match self.restore() {
                 Ok(()) => "its file was deleted while the gateway ran; all rows were written into a new one".to_owned(),
@@ -183,14 +213,18 @@ impl Store {
         };
         let file = self.path.display().to_string();
         tracing::error!(file, "ALARM: the journal is not what was opened: {what}");
-        self.status.change(|report| report.replaced = Some(what.clone()));
+        self.status
+            .change(|report| report.replaced = Some(what.clone()));
         self.notes.push(row::begun_anew(clock::wall(), &what, None));
         self.has_begun_anew = true;
         if self.connect().is_some()
             && let Some(database) = &mut self.database
         {
             // No row of this run takes the number of one that the file holds.
-            let base = self.audit_base.unwrap_or_default().max(database.audit_base());
+            let base = self
+                .audit_base
+                .unwrap_or_default()
+                .max(database.audit_base());
             self.audit_base = Some(base);
             database.count_audit_from(base);
         }
@@ -207,7 +241,9 @@ impl Store {
         });
         self.leave();
         copied.map_err(|error| error.to_string())?;
-        remove_log(&self.path).and_then(|()| std::fs::rename(copy, &self.path)).map_err(|error| error.to_string())
+        remove_log(&self.path)
+            .and_then(|()| std::fs::rename(copy, &self.path))
+            .map_err(|error| error.to_string())
     }
 
     /// Closes the database, and stores up to where it was written.
@@ -220,7 +256,11 @@ impl Store {
     fn failed(&mut self, reason: String) {
         self.leave();
         let had_one = self.audit_base.is_some();
-        let state = if had_one { JournalState::Failed } else { JournalState::Memory };
+        let state = if had_one {
+            JournalState::Failed
+        } else {
+            JournalState::Memory
+        };
         let before = self.status.report();
         if before.state != state || before.reason.as_ref() != Some(&reason) {
             tracing::error!(reason, "ALARM: cannot write the journal; control continues");
@@ -261,8 +301,13 @@ impl Store {
                 book.touch_all();
             }
             self.notes.drain(..).for_each(|note| book.note(note));
-            let Some(database) = self.database.as_mut() else { return false };
-            match database.read_days(book).and_then(|()| database.write(book, taken)) {
+            let Some(database) = self.database.as_mut() else {
+                return false;
+            };
+            match database
+                .read_days(book)
+                .and_then(|()| database.write(book, taken))
+            {
                 Ok(()) => {
                     self.works();
                     return true;
@@ -290,7 +335,8 @@ impl Store {
         self.wait = FIRST_WAIT;
         if !self.status.is_ok() {
             tracing::warn!("journal is writable again");
-            self.status.change(|report| (report.state, report.reason) = (JournalState::Ok, None));
+            self.status
+                .change(|report| (report.state, report.reason) = (JournalState::Ok, None));
         }
     }
 

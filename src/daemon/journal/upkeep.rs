@@ -53,7 +53,9 @@ pub fn start(path: PathBuf, inbox: Arc<Inbox>) -> io::Result<SyncSender<()>> {
 
 fn check(path: &Path, inbox: &Inbox) {
     match reader::check(path) {
-        Ok(problems) if problems.is_empty() => tracing::debug!("journal checked; no problems found"),
+        Ok(problems) if problems.is_empty() => {
+            tracing::debug!("journal checked; no problems found")
+        }
         Ok(problems) => inbox.put(Post::Checked(problems)),
         Err(error) => tracing::debug!(%error, "cannot check the journal"),
     }

@@ -75,7 +75,10 @@ impl Writer {
         upkeep: SyncSender<()>,
     ) -> Self {
         for drive in &found.damaged {
-            tracing::error!(drive, "ALARM: remembered state of the drive is damaged; starting without it");
+            tracing::error!(
+                drive,
+                "ALARM: remembered state of the drive is damaged; starting without it"
+            );
         }
         let event_sender = EventSender::new(sides.mqtt.clone(), Arc::clone(&changed));
         Self {
@@ -138,10 +141,22 @@ impl Writer {
 
     /// Adds a row for the start of the gateway, and marks what an earlier run has left as found.
     fn begin(&mut self, configuration: &str) {
-        let has_changed = self.configuration.as_deref().is_some_and(|last| last != configuration);
-        self.book.note(row::started(clock::wall(), env!("CARGO_PKG_VERSION"), configuration, has_changed));
+        let has_changed = self
+            .configuration
+            .as_deref()
+            .is_some_and(|last| last != configuration);
+        self.book.note(row::started(
+            clock::wall(),
+            env!("CARGO_PKG_VERSION"),
+            configuration,
+            has_changed,
+        ));
         self.book.orphan_leases(clock::now(), clock::wall());
-        if let Some(Err(error)) = self.store.database().map(|database| database.set_configuration(configuration)) {
+        if let Some(Err(error)) = self
+            .store
+            .database()
+            .map(|database| database.set_configuration(configuration))
+        {
             self.store.troubled(error);
         }
     }
@@ -151,7 +166,10 @@ impl Writer {
         let retry = self.store.retry_at().map(|at| at.since(now));
         let tell = (!self.to_tell.is_empty()).then_some(TELL_AGAIN);
         // While the disk refuses, only the next retry counts.
-        let used = self.used_until().filter(|_| retry.is_none()).map(|until| until.since(now));
+        let used = self
+            .used_until()
+            .filter(|_| retry.is_none())
+            .map(|until| until.since(now));
         let look = self.store.is_open().then_some(LOOK_EVERY);
         [retry, tell, used, look].into_iter().flatten().min()
     }
@@ -173,16 +191,34 @@ impl Writer {
 
     fn take(&mut self, (now, wall): (MonoTime, WallTime), post: Post) {
         let label = |at: MonoTime| label(now, wall, at);
-        self.is_urgent |= !matches!(&post, Post::Keep(_, Keep { entry: Entry::Usage(_), .. }));
+        self.is_urgent |= !matches!(
+            &post,
+            Post::Keep(
+                _,
+                Keep {
+                    entry: Entry::Usage(_),
+                    ..
+                }
+            )
+        );
         match post {
-            Post::Keep(origin, Keep { row, drive, at, entry }) => {
+            Post::Keep(
+                origin,
+                Keep {
+                    row,
+                    drive,
+                    at,
+                    entry,
+                },
+            ) => {
                 if let Some(drive) = origin.drives.get(drive.get()) {
                     self.book.take(origin.id, drive, at, entry, &label);
                 }
                 self.rows.insert(origin.id, (origin, row));
             }
             Post::Attempt(source, drive, at, attempt) => {
-                self.book.attempt(source, drive.as_ref(), at, &attempt, &label);
+                self.book
+                    .attempt(source, drive.as_ref(), at, &attempt, &label);
             }
             Post::Note(row) => self.book.note(row),
             Post::WantEvents(after) => self.event_sender.want(after),
@@ -194,7 +230,10 @@ impl Writer {
             Post::Checked(problems) => self.store.give_up(&problems.join("; ")),
             Post::Unused(drives) => {
                 let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-                drives.iter().filter(|drive| !known.contains(*drive)).for_each(|drive| self.book.forget(drive));
+                drives
+                    .iter()
+                    .filter(|drive| !known.contains(*drive))
+                    .for_each(|drive| self.book.forget(drive));
             }
             Post::Memory(tell) => {
                 // The requester may have given up.
@@ -207,7 +246,8 @@ impl Writer {
     fn write(&mut self) {
         let lost = self.book.take_lost();
         self.lose(lost);
-        let may_wait = !self.is_urgent && self.used_until().is_some_and(|until| clock::now() < until);
+        let may_wait =
+            !self.is_urgent && self.used_until().is_some_and(|until| clock::now() < until);
         if may_wait {
             return;
         }
@@ -217,9 +257,11 @@ impl Writer {
             // A row without news, such as an unchanged lease, counts as kept.
             return self.note_kept();
         }
-        self.status.change(|report| report.waiting = self.book.len() as u64);
+        self.status
+            .change(|report| report.waiting = self.book.len() as u64);
         if self.lost > 0 && self.store.retry_at().is_none() {
-            self.book.note(row::lost(clock::wall(), std::mem::take(&mut self.lost)));
+            self.book
+                .note(row::lost(clock::wall(), std::mem::take(&mut self.lost)));
         }
         let begun = clock::now();
         let has_trip = self.book.has_trip();
@@ -254,14 +296,17 @@ impl Writer {
     }
 
     fn tell_lines(&mut self) {
-        self.to_tell
-            .retain(|_, (origin, row)| origin.inbox.put(Message::Kept(*row)).is_err() && !origin.inbox.is_closed());
+        self.to_tell.retain(|_, (origin, row)| {
+            origin.inbox.put(Message::Kept(*row)).is_err() && !origin.inbox.is_closed()
+        });
     }
 
     fn wake_answers(&self) {
         self.sides.modbus.release();
         self.sides.local.release();
-        let by_broker = [&self.sides.mqtt, &self.sides.sparkplug].into_iter().flatten();
+        let by_broker = [&self.sides.mqtt, &self.sides.sparkplug]
+            .into_iter()
+            .flatten();
         // Every side is released, whatever the others had.
         if by_broker.filter(|side| side.release()).count() > 0 {
             self.changed.ring();
@@ -295,6 +340,13 @@ impl Writer {
 
 /// Converts `at` to the wall clock, by both clocks as of now.
 fn label(now: MonoTime, wall: WallTime, at: MonoTime) -> WallTime {
-    let millis = |from: MonoTime, to: MonoTime| i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX);
-    WallTime { unix_ms: wall.unix_ms.saturating_sub(millis(at, now)).saturating_add(millis(now, at)) }
+    let millis = |from: MonoTime, to: MonoTime| {
+        i64::try_from(to.since(from).as_millis()).unwrap_or(i64::MAX)
+    };
+    WallTime {
+        unix_ms: wall
+            .unix_ms
+            .saturating_sub(millis(at, now))
+            .saturating_add(millis(now, at)),
+    }
 }

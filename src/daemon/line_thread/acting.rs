@@ -115,13 +115,23 @@ impl LineTask<'_> {
         let while_away = event.while_away;
         match &event.kind {
             TripEventKind::Tripped { trips, record } => {
-                tracing::warn!(line, drive, trips, code = record.code, while_away, "drive tripped")
+                tracing::warn!(
+                    line,
+                    drive,
+                    trips,
+                    code = record.code,
+                    while_away,
+                    "drive tripped"
+                )
             }
             TripEventKind::Cleared => tracing::info!(line, drive, while_away, "trip cleared"),
         }
     }
 
     fn name_of(&self, drive: DriveIndex) -> &str {
-        self.port.drives.get(drive.get()).map_or("?", String::as_str)
+        self.port
+            .drives
+            .get(drive.get())
+            .map_or("?", String::as_str)
     }
 }

@@ -18,7 +18,10 @@ const CONNECT_WITHIN: Duration = Duration::from_secs(2);
 impl LineTask<'_> {
     /// The port was opened.
     pub(super) fn connection_opened(&mut self) {
-        self.connection = Connection { replies_before: self.core.counters().replies, ..Connection::default() };
+        self.connection = Connection {
+            replies_before: self.core.counters().replies,
+            ..Connection::default()
+        };
     }
 
     /// Sends a frame.
@@ -39,21 +42,28 @@ impl LineTask<'_> {
 
     /// Makes another connection once a frame is due. Only then is decided which: messages are taken meanwhile, and what was
     /// due may be too late by then.
-    pub(super) async fn connect_again(&mut self, device: &mut Port, opener: &mut Opener<'_>) -> io::Result<()> {
+    pub(super) async fn connect_again(
+        &mut self,
+        device: &mut Port,
+        opener: &mut Opener<'_>,
+    ) -> io::Result<()> {
         let now = clock::now();
         if self.core.connects_at().is_none_or(|at| at > now) {
             return Ok(());
         }
         let opened = {
             let mut opening = pin!(opener.open());
-            self.meanwhile(now + CONNECT_WITHIN, |cx| opening.as_mut().poll(cx)).await?
+            self.meanwhile(now + CONNECT_WITHIN, |cx| opening.as_mut().poll(cx))
+                .await?
         };
         let gone = |why: String| io::Error::new(io::ErrorKind::ConnectionReset, why);
         *device = match opened {
             Meanwhile::Done(Ok(device)) => device,
             Meanwhile::Done(Err(error)) => return Err(gone(opener.explain(&error))),
             Meanwhile::TimeIsUp => {
-                return Err(gone("the server does not accept another connection in time".to_owned()));
+                return Err(gone(
+                    "the server does not accept another connection in time".to_owned(),
+                ));
             }
             Meanwhile::Ended => return Ok(()),
         };
@@ -68,7 +78,10 @@ impl LineTask<'_> {
     pub(super) fn is_only_closed(&self, error: &io::Error) -> bool {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
         let is_server = matches!(self.port.settings.address, PortAddress::ModbusTcp { .. });
-        let is_closed = matches!(error.kind(), UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe);
+        let is_closed = matches!(
+            error.kind(),
+            UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe
+        );
         is_server && is_closed && self.replies_on_connection() > 0
     }
 
@@ -76,10 +89,18 @@ impl LineTask<'_> {
     pub(super) fn let_go(&mut self, device: &mut Port) {
         self.part(device);
         let line = &self.port.line;
-        if self.replies_on_connection() == 1 && !std::mem::replace(&mut self.connection.closes_each, true) {
-            tracing::info!(line, "server closes the connection after each reply; each request makes a new one");
+        if self.replies_on_connection() == 1
+            && !std::mem::replace(&mut self.connection.closes_each, true)
+        {
+            tracing::info!(
+                line,
+                "server closes the connection after each reply; each request makes a new one"
+            );
         } else {
-            tracing::debug!(line, "server has closed the connection; the next request makes a new one");
+            tracing::debug!(
+                line,
+                "server has closed the connection; the next request makes a new one"
+            );
         }
     }
 
@@ -100,6 +121,9 @@ impl LineTask<'_> {
     }
 
     fn replies_on_connection(&self) -> u64 {
-        self.core.counters().replies.saturating_sub(self.connection.replies_before)
+        self.core
+            .counters()
+            .replies
+            .saturating_sub(self.connection.replies_before)
     }
 }

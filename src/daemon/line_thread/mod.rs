@@ -103,16 +103,39 @@ impl LineHandle {
         let (rests, rested) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
         let board = Board::new(Arc::clone(&line), changed, north);
-        let alive = Alive { line: Arc::clone(&line), _ends: ends };
-        let thread = std::thread::Builder::new().name(format!("line {}", port.line)).spawn(move || {
-            let _alive = alive;
-            if let Err(error) = run(&port, setup, board, Waits { begin: begun, ready: is_ready, rests }) {
-                tracing::error!(line = port.line, %error, "cannot start the line thread");
-            }
-        })?;
+        let alive = Alive {
+            line: Arc::clone(&line),
+            _ends: ends,
+        };
+        let thread = std::thread::Builder::new()
+            .name(format!("line {}", port.line))
+            .spawn(move || {
+                let _alive = alive;
+                if let Err(error) = run(
+                    &port,
+                    setup,
+                    board,
+                    Waits {
+                        begin: begun,
+                        ready: is_ready,
+                        rests,
+                    },
+                ) {
+                    tracing::error!(line = port.line, %error, "cannot start the line thread");
+                }
+            })?;
         let has_rested = false;
         let has_ended = false;
-        Ok(Self { line, begin: Some(begin), ready, rested, has_rested, ended, has_ended, thread })
+        Ok(Self {
+            line,
+            begin: Some(begin),
+            ready,
+            rested,
+            has_rested,
+            ended,
+            has_ended,
+            thread,
+        })
     }
 
     /// The shared state of the line.
@@ -128,7 +151,12 @@ impl LineHandle {
 
     /// Opens the port and serves the line, with the remembered state of its drives.
     pub fn begin(&mut self, memory: &Memory) {
-        let of = |drive: &Arc<SharedDrive>| memory.get(&drive.description.name).copied().unwrap_or_default();
+        let of = |drive: &Arc<SharedDrive>| {
+            memory
+                .get(&drive.description.name)
+                .copied()
+                .unwrap_or_default()
+        };
         let remembered = self.line.drives.iter().map(of).collect();
         // A thread that has exited already has logged the reason.
         let _ = self.begin.take().map(|begin| begin.send(remembered));
@@ -209,12 +237,16 @@ fn run(port: &LinePort, mut setup: LineSetup, board: Board, waits: Waits) -> io:
     }
     let is_paced = setup.timing.paced;
     let logs_traffic = setup.tells_traffic;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
         // A handle that does not wait for it has given the line up, which is noticed below.
         let _ = waits.ready.send(());
-        let Ok(remembered) = waits.begin.await else { return Ok(()) };
+        let Ok(remembered) = waits.begin.await else {
+            return Ok(());
+        };
         for (drive, remembered) in setup.drives.iter_mut().zip(remembered) {
             drive.remembered = remembered;
         }
@@ -283,15 +315,25 @@ struct LineTask<'a> {
 impl LineTask<'_> {
     /// Whether nothing is left to do on this line.
     fn is_over(&mut self) -> bool {
-        let Some(until) = self.ending else { return self.board.inbox().is_closed() };
+        let Some(until) = self.ending else {
+            return self.board.inbox().is_closed();
+        };
         let now = clock::now();
         let has_unsent = self.core.has_unsent_stop();
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
         let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
         if begins_to_rest && !is_through {
-            tracing::error!(line = self.port.line, "a STOP had no effect; shutting down anyway");
+            tracing::error!(
+                line = self.port.line,
+                "a STOP had no effect; shutting down anyway"
+            );
         }
-        let is_late = now >= if has_unsent { until + UNSENT_MAX } else { until };
+        let is_late = now
+            >= if has_unsent {
+                until + UNSENT_MAX
+            } else {
+                until
+            };
         (is_through || is_late) && self.board.inbox().is_done()
     }
 
@@ -300,7 +342,8 @@ impl LineTask<'_> {
         self.board.inbox().close();
         self.take_messages();
         if self.ending.is_none() {
-            self.core.handle(clock::now(), Input::PortDown(LineFault::Gone));
+            self.core
+                .handle(clock::now(), Input::PortDown(LineFault::Gone));
         }
         self.core.end_attempts(clock::now());
         self.act(None)

@@ -96,7 +96,8 @@ impl LineTask<'_> {
             self.act(None)?;
             let is_asked_for = left.is_ok();
             // Time open proves nothing if the gateway itself gives the port up.
-            let was_good = uptime.has_answered || (!is_asked_for && uptime.has_lasted(clock::now()));
+            let was_good =
+                uptime.has_answered || (!is_asked_for && uptime.has_lasted(clock::now()));
             if was_good {
                 self.attempts = Attempts::default();
             }
@@ -112,7 +113,8 @@ impl LineTask<'_> {
         loop {
             let opened = {
                 let mut opening = pin!(opener.open());
-                self.meanwhile(MonoTime::NEVER, |cx| opening.as_mut().poll(cx)).await?
+                self.meanwhile(MonoTime::NEVER, |cx| opening.as_mut().poll(cx))
+                    .await?
             };
             match opened {
                 Meanwhile::Done(Ok(device)) => return Ok(Some(device)),
@@ -120,7 +122,8 @@ impl LineTask<'_> {
                     let error = opener.explain(&error);
                     self.tell_of_refusal(&error);
                     let told = format!("cannot open {}: {error}", self.port.settings.address);
-                    self.core.handle(clock::now(), Input::PortRefused(told.into()));
+                    self.core
+                        .handle(clock::now(), Input::PortRefused(told.into()));
                     self.act(None)?;
                 }
                 Meanwhile::TimeIsUp => {}
@@ -147,7 +150,10 @@ impl LineTask<'_> {
         mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>,
     ) -> io::Result<Meanwhile<T>> {
         while clock::now() < until {
-            let due = self.core.next_wake().map_or(until, |wake| wake.at.min(until));
+            let due = self
+                .core
+                .next_wake()
+                .map_or(until, |wake| wake.at.min(until));
             self.timer.arm(due)?;
             if let Some(done) = self.wait(&mut poll).await {
                 return Ok(Meanwhile::Done(done));
@@ -195,14 +201,14 @@ impl LineTask<'_> {
 /// The fault behind an error of an open port. An unplugged device is reported differently by driver and moment.
 fn fault_of(error: &io::Error) -> LineFault {
     use io::ErrorKind::{
-        BrokenPipe, ConnectionAborted, ConnectionReset, HostUnreachable, NetworkUnreachable, TimedOut, UnexpectedEof,
-        WouldBlock, WriteZero,
+        BrokenPipe, ConnectionAborted, ConnectionReset, HostUnreachable, NetworkUnreachable,
+        TimedOut, UnexpectedEof, WouldBlock, WriteZero,
     };
     let code = error.raw_os_error().map(Errno::from_raw_os_error);
     match error.kind() {
         WriteZero | WouldBlock => LineFault::Stuck,
-        UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe | TimedOut | HostUnreachable
-        | NetworkUnreachable => LineFault::Gone,
+        UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe | TimedOut
+        | HostUnreachable | NetworkUnreachable => LineFault::Gone,
         _ if matches!(code, Some(Errno::IO | Errno::NXIO | Errno::NODEV)) => LineFault::Gone,
         _ => LineFault::Failed,
     }
@@ -214,10 +220,20 @@ mod tests {
 
     #[test]
     fn a_device_that_is_gone_is_gone_whatever_the_system_says() {
-        for errno in [Errno::IO, Errno::NXIO, Errno::NODEV, Errno::CONNRESET, Errno::TIMEDOUT, Errno::PIPE] {
+        for errno in [
+            Errno::IO,
+            Errno::NXIO,
+            Errno::NODEV,
+            Errno::CONNRESET,
+            Errno::TIMEDOUT,
+            Errno::PIPE,
+        ] {
             assert_eq!(fault_of(&errno.into()), LineFault::Gone, "{errno:?}");
         }
-        assert_eq!(fault_of(&io::ErrorKind::UnexpectedEof.into()), LineFault::Gone);
+        assert_eq!(
+            fault_of(&io::ErrorKind::UnexpectedEof.into()),
+            LineFault::Gone
+        );
         assert_eq!(fault_of(&Errno::AGAIN.into()), LineFault::Stuck);
         assert_eq!(fault_of(&io::ErrorKind::WriteZero.into()), LineFault::Stuck);
         assert_eq!(fault_of(&Errno::BADF.into()), LineFault::Failed);
@@ -240,7 +256,10 @@ mod tests {
 
     #[test]
     fn a_silent_adapter_that_stays_open_is_not_reported_again() {
-        let mut told = LoggedFaults { reopened: Some(LineFault::Mute), ..LoggedFaults::default() };
+        let mut told = LoggedFaults {
+            reopened: Some(LineFault::Mute),
+            ..LoggedFaults::default()
+        };
         told.has_lasted();
         assert!(!told.is_empty());
         told.has_answered();

@@ -49,7 +49,12 @@ pub(super) struct Uptime {
 
 impl Uptime {
     pub fn new(now: MonoTime, core: &LineCore) -> Self {
-        Self { since: now, replies: core.counters().replies, has_answered: false, is_announced: false }
+        Self {
+            since: now,
+            replies: core.counters().replies,
+            has_answered: false,
+            is_announced: false,
+        }
     }
 
     /// Whether it has been open for a while.
@@ -61,13 +66,19 @@ impl Uptime {
 impl LineTask<'_> {
     /// Logs that the line is up, unless a logged fault may still be open.
     pub(super) fn announce(&self, uptime: &mut Uptime, device: &Port) {
-        if uptime.is_announced || !self.told.is_empty() || self.core.report().state == LineState::Down {
+        if uptime.is_announced
+            || !self.told.is_empty()
+            || self.core.report().state == LineState::Down
+        {
             return;
         }
         uptime.is_announced = true;
         let line = &self.port.line;
         let settings = &self.port.settings;
-        let link = settings.address.is_serial_line().then(|| tracing::field::display(settings.link));
+        let link = settings
+            .address
+            .is_serial_line()
+            .then(|| tracing::field::display(settings.link));
         tracing::info!(line, port = %settings.address, link, "line up");
         if let Some(remark) = device.remark() {
             tracing::warn!(line, port = %settings.address, "{remark}");
@@ -126,13 +137,22 @@ impl LineTask<'_> {
     }
 
     /// Waits until something happens, and takes messages and bytes. Returns whether there may be more bytes.
-    async fn hear(&mut self, device: &mut Port, buffer: &mut [u8], has_more: bool) -> io::Result<bool> {
+    async fn hear(
+        &mut self,
+        device: &mut Port,
+        buffer: &mut [u8],
+        has_more: bool,
+    ) -> io::Result<bool> {
         let waited = if has_more {
             tokio::time::sleep(FLOOD_PAUSE).await;
             Ok(())
         } else {
             match self.reply_comes_at_once(device, buffer) {
-                Ok(false) => self.wait(|cx| device.poll_readable(cx)).await.transpose().map(drop),
+                Ok(false) => self
+                    .wait(|cx| device.poll_readable(cx))
+                    .await
+                    .transpose()
+                    .map(drop),
                 looked => looked.map(drop),
             }
         };
@@ -153,7 +173,8 @@ impl LineTask<'_> {
             match device.read_now(buffer)? {
                 Some(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
                 Some(bytes) => {
-                    self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+                    self.core
+                        .handle(clock::now(), Input::Bytes(&buffer[..bytes]));
                     return Ok(true);
                 }
                 None => std::thread::yield_now(),
@@ -164,7 +185,13 @@ impl LineTask<'_> {
 
     /// Spins on the clock while the silence before the next frame is about to end.
     fn watch_the_silence_end(&self) {
-        let Some(Wake { at, reason: WakeReason::SilentInterval }) = self.core.next_wake() else { return };
+        let Some(Wake {
+            at,
+            reason: WakeReason::SilentInterval,
+        }) = self.core.next_wake()
+        else {
+            return;
+        };
         if at.since(clock::now()) <= WAKE_EARLY {
             while clock::now() < at {
                 std::hint::spin_loop();
@@ -173,7 +200,10 @@ impl LineTask<'_> {
     }
 
     /// Waits until the timer fires, a message arrives, or `poll` is ready, whose result is returned.
-    pub(super) async fn wait<T>(&mut self, mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>) -> Option<T> {
+    pub(super) async fn wait<T>(
+        &mut self,
+        mut poll: impl FnMut(&mut Context<'_>) -> Poll<T>,
+    ) -> Option<T> {
         if !self.board.inbox().may_sleep(!self.core.is_occupied()) {
             return None;
         }
@@ -196,11 +226,14 @@ impl LineTask<'_> {
     /// happened.
     fn drain(&mut self, device: &mut Port, buffer: &mut [u8]) -> io::Result<bool> {
         for _ in 0..READS_PER_ROUND {
-            let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };
+            let Some(bytes) = device.read_now(buffer)? else {
+                return Ok(false);
+            };
             if bytes == 0 {
                 return Err(io::ErrorKind::UnexpectedEof.into());
             }
-            self.core.handle(clock::now(), Input::Bytes(&buffer[..bytes]));
+            self.core
+                .handle(clock::now(), Input::Bytes(&buffer[..bytes]));
         }
         Ok(true)
     }

@@ -34,7 +34,12 @@ impl LineRows {
     /// A line without rows so far.
     #[must_use]
     pub fn new(source: Source) -> Self {
-        Self { source, newest: RowNumber::default(), asked: HashSet::new(), held: Vec::new() }
+        Self {
+            source,
+            newest: RowNumber::default(),
+            asked: HashSet::new(),
+            held: Vec::new(),
+        }
     }
 
     /// The line's handle to the journal.
@@ -50,12 +55,17 @@ impl LineRows {
     }
 
     /// Notes a message to the line. `model` is that of a drive on it.
-    pub fn note<'m>(&mut self, message: &Message, model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>) {
+    pub fn note<'m>(
+        &mut self,
+        message: &Message,
+        model: impl FnOnce(DriveIndex) -> Option<&'m Arc<Model>>,
+    ) {
         let waits = match message {
             Message::Command(it) if !it.order.is_stop() => Some((it.asker, it.ticket)),
             Message::Native(it) | Message::NativeStop(it) => match &it.ask {
                 NativeAsk::Write { address, values } => {
-                    let order = model(it.drive).and_then(|model| decode::order(model, *address, values).ok());
+                    let order = model(it.drive)
+                        .and_then(|model| decode::order(model, *address, values).ok());
                     (!order.as_ref().is_some_and(Order::is_stop)).then_some((it.asker, it.ticket))
                 }
                 NativeAsk::Read { .. } | NativeAsk::Loop { .. } => None,
@@ -66,7 +76,8 @@ impl LineRows {
             }
             _ => None,
         };
-        self.asked.extend(waits.filter(|_| self.asked.len() < ASKED_MAX));
+        self.asked
+            .extend(waits.filter(|_| self.asked.len() < ASKED_MAX));
     }
 
     /// Holds `news` back if it has to wait for a row; otherwise returns it.
@@ -76,12 +87,19 @@ impl LineRows {
             News::Command(answer) if answer.is_final => (answer.asker, answer.ticket),
             _ => return Some(news),
         };
-        let waits = self.asked.remove(&key) && !self.source.origin().has_kept(self.newest) && self.source.is_sound();
+        let waits = self.asked.remove(&key)
+            && !self.source.origin().has_kept(self.newest)
+            && self.source.is_sound();
         if !waits {
             return Some(news);
         }
         let origin = Arc::clone(self.source.origin());
-        self.held.push(Held { origin, row: self.newest, until: clock::now() + HOLD, news });
+        self.held.push(Held {
+            origin,
+            row: self.newest,
+            until: clock::now() + HOLD,
+            news,
+        });
         None
     }
 

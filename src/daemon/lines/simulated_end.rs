@@ -97,7 +97,10 @@ impl TcpEnd {
     pub fn listen(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, client: None })
+        Ok(Self {
+            listener,
+            client: None,
+        })
     }
 
     /// Where it listens.
@@ -121,10 +124,16 @@ impl TcpEnd {
 impl LineEnd for TcpEnd {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
         self.take_newest()?;
-        let Some(client) = &mut self.client else { return Ok(None) };
+        let Some(client) = &mut self.client else {
+            return Ok(None);
+        };
         match client.read(buffer) {
             Ok(bytes) if bytes > 0 => return Ok(Some(bytes)),
-            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {}
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+                ) => {}
             // The client has left.
             Ok(_) | Err(_) => self.client = None,
         }
@@ -140,20 +149,31 @@ impl LineEnd for TcpEnd {
     }
 
     fn wait(&mut self, timer: &mut RawTimer) -> io::Result<()> {
-        let descriptors: Vec<_> =
-            [Some(self.listener.as_fd()), self.client.as_ref().map(AsFd::as_fd)].into_iter().flatten().collect();
+        let descriptors: Vec<_> = [
+            Some(self.listener.as_fd()),
+            self.client.as_ref().map(AsFd::as_fd),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         wait_for(&descriptors, timer)
     }
 }
 
 fn wait_for(descriptors: &[BorrowedFd<'_>], timer: &mut RawTimer) -> io::Result<()> {
     let mut fds = vec![PollFd::new(&*timer, PollFlags::IN)];
-    fds.extend(descriptors.iter().map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN)));
+    fds.extend(
+        descriptors
+            .iter()
+            .map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN)),
+    );
     match poll(&mut fds, None) {
         Ok(_) | Err(Errno::INTR) => {}
         Err(error) => return Err(error.into()),
     }
-    let has_fired = fds.first().is_some_and(|fd| fd.revents().contains(PollFlags::IN));
+    let has_fired = fds
+        .first()
+        .is_some_and(|fd| fd.revents().contains(PollFlags::IN));
     drop(fds);
     if has_fired {
         timer.acknowledge();
@@ -181,7 +201,11 @@ mod tests {
             heard = end.read(&mut buffer).unwrap();
         }
         assert_eq!(&buffer[..3], b"ask");
-        assert_eq!(first.read(&mut buffer).unwrap(), 0, "the first is sent away");
+        assert_eq!(
+            first.read(&mut buffer).unwrap(),
+            0,
+            "the first is sent away"
+        );
         end.write(b"reply").unwrap();
         second.read_exact(&mut buffer[..5]).unwrap();
         assert_eq!(&buffer[..5], b"reply");

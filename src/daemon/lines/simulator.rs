@@ -31,7 +31,9 @@ pub fn play_beside<T>(
         let over = SetAtEnd(&end);
         let done = work();
         drop(over);
-        player.join().unwrap_or_else(|_| Err(io::Error::other("the simulator panicked")))?;
+        player
+            .join()
+            .unwrap_or_else(|_| Err(io::Error::other("the simulator panicked")))?;
         Ok(done)
     })
 }

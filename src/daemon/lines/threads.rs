@@ -40,16 +40,32 @@ impl Lines {
     /// Starts without threads. They will answer to `sides` and ring `changed`. The lines of the configuration are
     /// `numbered` from 0 already.
     #[must_use]
-    pub fn new(sides: NorthSides, changed: Arc<Bell>, data_dir: Option<PathBuf>, numbered: usize) -> Self {
+    pub fn new(
+        sides: NorthSides,
+        changed: Arc<Bell>,
+        data_dir: Option<PathBuf>,
+        numbered: usize,
+    ) -> Self {
         let last_number = u16::try_from(numbered).unwrap_or(u16::MAX);
-        Self { handles: Vec::new(), sides, changed, data_dir, last_number, have_begun: false }
+        Self {
+            handles: Vec::new(),
+            sides,
+            changed,
+            data_dir,
+            last_number,
+            have_begun: false,
+        }
     }
 
     /// A number that no line has.
     pub fn next_number(&mut self) -> u16 {
         loop {
             self.last_number = self.last_number.wrapping_add(1);
-            if self.handles.iter().all(|handle| handle.line().number != self.last_number) {
+            if self
+                .handles
+                .iter()
+                .all(|handle| handle.line().number != self.last_number)
+            {
                 return self.last_number;
             }
         }
@@ -59,16 +75,38 @@ impl Lines {
     ///
     /// # Errors
     /// The system refuses a resource that it needs.
-    pub async fn prepare(&self, settings: &LineSettings, line: Arc<SharedLine>) -> io::Result<LineHandle> {
+    pub async fn prepare(
+        &self,
+        settings: &LineSettings,
+        line: Arc<SharedLine>,
+    ) -> io::Result<LineHandle> {
         let port = build::line_port(settings, self.data_dir.as_deref());
-        let setup = build::line_setup(settings, first_epoch(), self.sides.journal.is_some(), self.have_begun);
-        let StopBounds { all_healthy, one_silent, .. } = setup.stop_bounds();
+        let setup = build::line_setup(
+            settings,
+            first_epoch(),
+            self.sides.journal.is_some(),
+            self.have_begun,
+        );
+        let StopBounds {
+            all_healthy,
+            one_silent,
+            ..
+        } = setup.stop_bounds();
         tracing::info!(line = %settings.name, ?all_healthy, ?one_silent, "longest time until a STOP starts on the wire");
-        let mut handle = LineHandle::prepare(port, setup, line, Arc::clone(&self.changed), self.sides.clone())?;
+        let mut handle = LineHandle::prepare(
+            port,
+            setup,
+            line,
+            Arc::clone(&self.changed),
+            self.sides.clone(),
+        )?;
         if handle.is_ready().await {
             Ok(handle)
         } else {
-            Err(io::Error::other(format!("cannot start the thread of line {}", settings.name)))
+            Err(io::Error::other(format!(
+                "cannot start the thread of line {}",
+                settings.name
+            )))
         }
     }
 
@@ -82,7 +120,10 @@ impl Lines {
     /// Makes the lines with these numbers refuse commands, and checks whether any of their drives is in use; with
     /// `stops`, those are stopped. Returns the names of drives that are in use, or on which the stop has no effect.
     pub async fn leave(&self, numbers: &[u16], stops: bool) -> Vec<String> {
-        let asked: Vec<_> = self.among(numbers).map(|handle| (handle, handle.leave(stops))).collect();
+        let asked: Vec<_> = self
+            .among(numbers)
+            .map(|handle| (handle, handle.leave(stops)))
+            .collect();
         let until = Instant::now() + if stops { STOPS_WITHIN } else { SAYS_WITHIN };
         let mut names = Vec::new();
         for (handle, told) in asked {
@@ -97,11 +138,17 @@ impl Lines {
                 Err(_) => {
                     let bound = drives.iter().filter(|drive| {
                         let view = drive.view.load();
-                        view.control.as_ref().is_some_and(|it| it.stop_pending || it.lease.is_some())
+                        view.control
+                            .as_ref()
+                            .is_some_and(|it| it.stop_pending || it.lease.is_some())
                     });
                     names.extend(bound.map(|drive| drive.description.name.to_string()));
                     if names.is_empty() {
-                        names.extend(drives.iter().map(|drive| drive.description.name.to_string()));
+                        names.extend(
+                            drives
+                                .iter()
+                                .map(|drive| drive.description.name.to_string()),
+                        );
                     }
                 }
             }
@@ -117,7 +164,9 @@ impl Lines {
     /// Ends the lines with these numbers at once.
     pub async fn end(&mut self, numbers: &[u16]) {
         let is_meant = |handle: &LineHandle| numbers.contains(&handle.line().number);
-        let (mut ended, kept): (Vec<_>, Vec<_>) = std::mem::take(&mut self.handles).into_iter().partition(is_meant);
+        let (mut ended, kept): (Vec<_>, Vec<_>) = std::mem::take(&mut self.handles)
+            .into_iter()
+            .partition(is_meant);
         self.handles = kept;
         ended.iter().for_each(LineHandle::close);
         wait_for(&mut ended, ENDS_WITHIN).await;
@@ -148,7 +197,11 @@ impl Lines {
         self.handles.iter().for_each(LineHandle::close);
         let has_hung = self.handles.iter().any(|handle| !handle.has_rested());
         // A hanging line was waited for already, and the others have little to do.
-        wait_for(&mut self.handles, if has_hung { ENDS_SOON } else { ENDS_WITHIN }).await;
+        wait_for(
+            &mut self.handles,
+            if has_hung { ENDS_SOON } else { ENDS_WITHIN },
+        )
+        .await;
     }
 
     /// Joins the threads that have exited.
@@ -157,7 +210,9 @@ impl Lines {
     }
 
     fn among<'h>(&'h self, numbers: &'h [u16]) -> impl Iterator<Item = &'h LineHandle> {
-        self.handles.iter().filter(|handle| numbers.contains(&handle.line().number))
+        self.handles
+            .iter()
+            .filter(|handle| numbers.contains(&handle.line().number))
     }
 }
 

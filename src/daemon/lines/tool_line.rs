@@ -90,7 +90,10 @@ impl ToolPort {
         let settings = self.settings(name);
         let mut opener = Opener::new(&settings);
         let opened = opener.open().await;
-        opened.map(drop).map_err(|error| NoLine::Port { port: self.address.clone(), reason: opener.explain(&error) })
+        opened.map(drop).map_err(|error| NoLine::Port {
+            port: self.address.clone(),
+            reason: opener.explain(&error),
+        })
     }
 }
 
@@ -108,7 +111,12 @@ impl ToolLine {
     ///
     /// # Errors
     /// [`NoLine`]
-    pub async fn open(port: &ToolPort, name: &Name, timing: Timing, drives: Vec<DriveSetup>) -> Result<Self, NoLine> {
+    pub async fn open(
+        port: &ToolPort,
+        name: &Name,
+        timing: Timing,
+        drives: Vec<DriveSetup>,
+    ) -> Result<Self, NoLine> {
         port.try_open(name.as_str()).await?;
         let setup = LineSetup {
             timing,
@@ -126,17 +134,29 @@ impl ToolLine {
         let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
         let north = NorthSides::default();
         let distributes = tokio::spawn(Arc::clone(&side).distribute(Arc::clone(&north.local)));
-        let place = LinePort { line: name.to_string(), drives: Vec::new(), settings: port.settings(name.as_str()) };
+        let place = LinePort {
+            line: name.to_string(),
+            drives: Vec::new(),
+            settings: port.settings(name.as_str()),
+        };
         let changed = Arc::clone(&shared.changed);
         let mut handle = LineHandle::prepare(place, setup, Arc::clone(&line), changed, north)?;
         handle.begin(&crate::daemon::line_thread::Memory::new());
-        let line = Self { side, line, handle, distributes };
+        let line = Self {
+            side,
+            line,
+            handle,
+            distributes,
+        };
         match line.comes_up().await {
             true => Ok(line),
             false => {
                 let fault = line.report().down_reason();
                 line.close().await;
-                Err(NoLine::Down { port: port.address.clone(), fault })
+                Err(NoLine::Down {
+                    port: port.address.clone(),
+                    fault,
+                })
             }
         }
     }
@@ -162,8 +182,22 @@ impl ToolLine {
     ///
     /// # Errors
     /// Why there is no word.
-    pub async fn read(&self, place: u16, address: Address, deadline: MonoTime) -> Result<u16, Report> {
-        self.side.read(DriveRef { line: 0, drive: DriveIndex(place) }, address, deadline).await
+    pub async fn read(
+        &self,
+        place: u16,
+        address: Address,
+        deadline: MonoTime,
+    ) -> Result<u16, Report> {
+        self.side
+            .read(
+                DriveRef {
+                    line: 0,
+                    drive: DriveIndex(place),
+                },
+                address,
+                deadline,
+            )
+            .await
     }
 
     /// Gives the port back.

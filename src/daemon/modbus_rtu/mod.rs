@@ -75,14 +75,31 @@ impl SerialMaster {
         let (name, answer_within) = (settings.name, settings.answer_within);
         let task = tokio::task::spawn_local(async move {
             while let Some(stream) = opened.recv().await {
-                let stream = stream.set_nonblocking(true).and_then(|()| tokio::net::UnixStream::from_std(stream));
+                let stream = stream
+                    .set_nonblocking(true)
+                    .and_then(|()| tokio::net::UnixStream::from_std(stream));
                 match stream {
-                    Ok(stream) => server.serve_master(stream, Master { name, answer_within }, &served),
-                    Err(error) => tracing::error!(master = %name, %error, "cannot serve a serial master"),
+                    Ok(stream) => server.serve_master(
+                        stream,
+                        Master {
+                            name,
+                            answer_within,
+                        },
+                        &served,
+                    ),
+                    Err(error) => {
+                        tracing::error!(master = %name, %error, "cannot serve a serial master")
+                    }
                 }
             }
         });
-        Ok(Self { settings, listener, router, _totals: totals, task: task.abort_handle() })
+        Ok(Self {
+            settings,
+            listener,
+            router,
+            _totals: totals,
+            task: task.abort_handle(),
+        })
     }
 
     /// Its listener, whose settings may change while the port stays open.
@@ -117,10 +134,18 @@ fn run(
     connections: mpsc::Sender<UnixStream>,
     totals: Arc<SerialTotals>,
 ) -> io::Result<()> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
     let ended = runtime.block_on(async {
         let timer = Timer::new()?;
-        let mut task = Task { settings, router, connections, totals, timer };
+        let mut task = Task {
+            settings,
+            router,
+            connections,
+            totals,
+            timer,
+        };
         open_and_serve(port, &mut task).await;
         Ok(())
     });
@@ -152,7 +177,9 @@ async fn open_and_serve(port: &PortSettings, task: &mut Task) {
                 let (gone, has_heard) = task.serve(&mut device, is_serial).await;
                 match gone {
                     Gone::Ended => return,
-                    Gone::Lost(error) => tracing::warn!(%master, port = %port.address, %error, "serial master lost"),
+                    Gone::Lost(error) => {
+                        tracing::warn!(%master, port = %port.address, %error, "serial master lost")
+                    }
                 }
                 if has_heard {
                     attempts = Attempts::default();

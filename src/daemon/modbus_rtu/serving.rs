@@ -69,7 +69,15 @@ impl Task {
             },
             Err(error) => Gone::Lost(error),
         };
-        let SlaveCounters { requests, not_in_time, late, damaged, foreign, broadcasts, collisions } = *slave.counters();
+        let SlaveCounters {
+            requests,
+            not_in_time,
+            late,
+            damaged,
+            foreign,
+            broadcasts,
+            collisions,
+        } = *slave.counters();
         tracing::info!(
             master = %self.settings.name, requests, not_in_time, late, damaged, foreign, broadcasts, collisions,
             "serial port closed"
@@ -80,7 +88,9 @@ impl Task {
     fn connected(&self) -> io::Result<UnixStream> {
         let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
         ours.set_nonblocking(true)?;
-        self.connections.try_send(theirs).map_err(io::Error::other)?;
+        self.connections
+            .try_send(theirs)
+            .map_err(io::Error::other)?;
         UnixStream::from_std(ours)
     }
 
@@ -108,7 +118,9 @@ impl Task {
                     continue;
                 }
                 let mut message = Vec::new();
-                mbap::encode(&mut message, request.number, request.unit, |out| out.extend_from_slice(&request.pdu));
+                mbap::encode(&mut message, request.number, request.unit, |out| {
+                    out.extend_from_slice(&request.pdu)
+                });
                 match server.try_write(&message) {
                     Ok(written) if written == message.len() => {}
                     // The socket holds far more than one request; this server reads no more.
@@ -148,7 +160,11 @@ impl Task {
             let fired = self.timer.poll_fired(cx).is_ready();
             let has_bytes = device.poll_readable(cx)?.is_ready();
             let has_answer = server.poll_read_ready(cx)?.is_ready();
-            if fired || has_bytes || has_answer { Poll::Ready(Ok(false)) } else { Poll::Pending }
+            if fired || has_bytes || has_answer {
+                Poll::Ready(Ok(false))
+            } else {
+                Poll::Pending
+            }
         })
         .await
     }
@@ -178,13 +194,24 @@ fn answered(server: &UnixStream, answers: &mut Vec<u8>, slave: &mut Slave) -> io
 }
 
 /// Reads until the port is empty, as often as a round allows; returns whether there may be more.
-fn drain(device: &mut Port, buffer: &mut [u8], slave: &mut Slave, is_ours: &dyn Fn(u8) -> bool) -> io::Result<bool> {
+fn drain(
+    device: &mut Port,
+    buffer: &mut [u8],
+    slave: &mut Slave,
+    is_ours: &dyn Fn(u8) -> bool,
+) -> io::Result<bool> {
     for _ in 0..READS_PER_ROUND {
-        let Some(bytes) = device.read_now(buffer)? else { return Ok(false) };
+        let Some(bytes) = device.read_now(buffer)? else {
+            return Ok(false);
+        };
         if bytes == 0 {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
-        slave.received(clock::now(), buffer.get(..bytes).unwrap_or_default(), is_ours);
+        slave.received(
+            clock::now(),
+            buffer.get(..bytes).unwrap_or_default(),
+            is_ours,
+        );
     }
     Ok(true)
 }

@@ -37,7 +37,8 @@ impl Server {
                 // The client left while it waited.
                 Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
                 Err(error) => {
-                    self.told.say(&format!("cannot accept a connection: {error}"));
+                    self.told
+                        .say(&format!("cannot accept a connection: {error}"));
                     sleep(ACCEPT_PAUSE).await;
                 }
             }
@@ -50,7 +51,12 @@ impl Server {
     }
 
     /// Serves a client if it is allowed and there is a place.
-    pub(super) fn admit(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: &Rc<Listener>) {
+    pub(super) fn admit(
+        self: &Rc<Self>,
+        stream: TcpStream,
+        peer: SocketAddr,
+        listener: &Rc<Listener>,
+    ) {
         if !listener.allows(peer.ip()) {
             self.refuse(peer, "not in `allow`");
         } else if let Some(seat) = self.seat(peer.ip(), listener) {
@@ -62,7 +68,13 @@ impl Server {
     }
 
     /// Serves a client, after authentication if its listener requires it.
-    fn welcome(self: &Rc<Self>, stream: TcpStream, peer: SocketAddr, listener: Rc<Listener>, seat: Seat) {
+    fn welcome(
+        self: &Rc<Self>,
+        stream: TcpStream,
+        peer: SocketAddr,
+        listener: Rc<Listener>,
+        seat: Seat,
+    ) {
         let (source, socket) = stream.into_split();
         let Some(security) = listener.security() else {
             return self.begin(source, Stream::Plain(socket), peer, None, listener, seat);
@@ -73,10 +85,24 @@ impl Server {
             let shaken = shake(source, socket, &security).await;
             server.handshakes.ended(asker);
             match shaken {
-                Ok(Shaken { source, stream, certificate }) => {
+                Ok(Shaken {
+                    source,
+                    stream,
+                    certificate,
+                }) => {
                     tracing::info!(%peer, name = %certificate.name, role = &*certificate.role, "secure connection");
-                    let proven = Some(Box::new(Proven { certificate, to: security }));
-                    server.begin(source, Stream::Secured(Box::new(stream)), peer, proven, listener, seat);
+                    let proven = Some(Box::new(Proven {
+                        certificate,
+                        to: security,
+                    }));
+                    server.begin(
+                        source,
+                        Stream::Secured(Box::new(stream)),
+                        peer,
+                        proven,
+                        listener,
+                        seat,
+                    );
                 }
                 Err(reason) => server.shake_failed(peer, &reason),
             }
@@ -88,24 +114,37 @@ impl Server {
 
     fn shake_failed(&self, peer: SocketAddr, reason: &str) {
         self.totals.handshake_failed();
-        self.told.say(&format!("TLS handshake with {peer} failed: {reason}"));
+        self.told
+            .say(&format!("TLS handshake with {peer} failed: {reason}"));
     }
 
     /// Accepts the next client although the system has no descriptors left: with the spare one, and in place of the
     /// client that was silent longest. Waits until the spare one is available again, or for a moment.
-    async fn squeeze(self: &Rc<Self>, socket: &TcpListener, listener: &Rc<Listener>, error: &io::Error) {
-        self.told.say(&format!("cannot accept a connection; closing the client that was silent longest: {error}"));
+    async fn squeeze(
+        self: &Rc<Self>,
+        socket: &TcpListener,
+        listener: &Rc<Listener>,
+        error: &io::Error,
+    ) {
+        self.told.say(&format!(
+            "cannot accept a connection; closing the client that was silent longest: {error}"
+        ));
         if self.spare.release() {
             let accepted = poll_fn(|cx| match socket.poll_accept(cx) {
                 Poll::Ready(accepted) => Poll::Ready(accepted.ok()),
                 Poll::Pending => Poll::Ready(None),
             });
             if let Some((stream, peer)) = accepted.await {
-                let is_let_in = !listener.allows(peer.ip()) || self.make_room() || listener.has_priority(peer.ip());
+                let is_let_in = !listener.allows(peer.ip())
+                    || self.make_room()
+                    || listener.has_priority(peer.ip());
                 if is_let_in {
                     self.admit(stream, peer, listener);
                 } else {
-                    self.refuse(peer, "no file descriptors left, and no connection may be closed");
+                    self.refuse(
+                        peer,
+                        "no file descriptors left, and no connection may be closed",
+                    );
                 }
             }
         } else {
@@ -130,7 +169,9 @@ impl Server {
 /// Whether the system lacks what every connection needs.
 fn is_scarcity(error: &io::Error) -> bool {
     let scarce = [Errno::MFILE, Errno::NFILE, Errno::NOBUFS, Errno::NOMEM];
-    error.raw_os_error().is_some_and(|code| scarce.iter().any(|errno| errno.raw_os_error() == code))
+    error
+        .raw_os_error()
+        .is_some_and(|code| scarce.iter().any(|errno| errno.raw_os_error() == code))
 }
 
 /// Small answers are sent at once, and a vanished client is noticed within twice `keep_alive` of its last packet, or of
@@ -138,7 +179,9 @@ fn is_scarcity(error: &io::Error) -> bool {
 fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
     let set = || -> rustix::io::Result<()> {
         sockopt::set_tcp_nodelay(stream, true)?;
-        let Some(idle) = keep_alive else { return Ok(()) };
+        let Some(idle) = keep_alive else {
+            return Ok(());
+        };
         let seconds = u32::try_from(idle.as_secs()).unwrap_or(u32::MAX);
         let every = (seconds / 4).max(1);
         let probes = seconds.clamp(1, PROBES);
@@ -146,7 +189,10 @@ fn tune(stream: &TcpStream, peer: SocketAddr, keep_alive: Option<Duration>) {
         sockopt::set_tcp_keepidle(stream, idle)?;
         sockopt::set_tcp_keepintvl(stream, Duration::from_secs(every.into()))?;
         sockopt::set_tcp_keepcnt(stream, probes)?;
-        sockopt::set_tcp_user_timeout(stream, seconds.saturating_add(every * probes).saturating_mul(1000))
+        sockopt::set_tcp_user_timeout(
+            stream,
+            seconds.saturating_add(every * probes).saturating_mul(1000),
+        )
     };
     if let Err(error) = set() {
         tracing::debug!(%peer, %error, "cannot set socket options");

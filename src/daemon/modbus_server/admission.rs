@@ -53,13 +53,19 @@ pub(super) struct Seat {
 impl Seat {
     /// Notes a request of the connection.
     pub(super) fn active(&self) {
-        self.slot.set(self.admission.slots.borrow_mut().active(self.slot.get()));
+        self.slot
+            .set(self.admission.slots.borrow_mut().active(self.slot.get()));
     }
 
     /// Sets how many bytes wait for the client. Returns whether too many wait for all clients together.
     pub(super) fn leaves_unread(&self, bytes: usize) -> bool {
         let before = self.unread.replace(bytes);
-        let all = self.admission.unread.get().saturating_sub(before).saturating_add(bytes);
+        let all = self
+            .admission
+            .unread
+            .get()
+            .saturating_sub(before)
+            .saturating_add(bytes);
         self.admission.unread.set(all);
         all > UNREAD_MAX
     }
@@ -82,9 +88,18 @@ impl Server {
             let room = listener.room(|| slots.add_room());
             let room_max = listener.connections_max();
             let has_priority = listener.has_priority(peer);
-            Newcomer { asker, room, room_max, has_priority }
+            Newcomer {
+                asker,
+                room,
+                room_max,
+                has_priority,
+            }
         };
-        let entry = self.admission.slots.borrow_mut().enter(newcomer, &|asker| self.is_busy(asker));
+        let entry = self
+            .admission
+            .slots
+            .borrow_mut()
+            .enter(newcomer, &|asker| self.is_busy(asker));
         let slot = match entry {
             Entry::Free(slot) => slot,
             Entry::InsteadOf(slot, gone) => {
@@ -95,21 +110,39 @@ impl Server {
         };
         let admission = Rc::clone(&self.admission);
         let slot = Cell::new(slot);
-        Some(Seat { admission, asker, slot, unread: Cell::default() })
+        Some(Seat {
+            admission,
+            asker,
+            slot,
+            unread: Cell::default(),
+        })
     }
 
     /// Closes the client that was silent longest. Returns whether there is one that may be closed.
     pub(super) fn make_room(&self) -> bool {
-        let gone = self.admission.slots.borrow_mut().make_room(&|asker| self.is_busy(asker));
-        gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom)).is_some()
+        let gone = self
+            .admission
+            .slots
+            .borrow_mut()
+            .make_room(&|asker| self.is_busy(asker));
+        gone.inspect(|gone| self.dismiss(*gone, Dismissal::MadeRoom))
+            .is_some()
     }
 
     /// Closes the clients with the most unread answers until few enough bytes wait; those with priority last.
     pub(super) fn shed(&self) {
         let clients = self.clients.borrow();
-        let mut greedy: Vec<_> = clients.values().filter(|client| client.seat.unread.get() > 0).collect();
+        let mut greedy: Vec<_> = clients
+            .values()
+            .filter(|client| client.seat.unread.get() > 0)
+            .collect();
         let has_priority = |client: &Client| client.seat.slot.get() == Slot::Priority;
-        greedy.sort_by_key(|client| (has_priority(client), std::cmp::Reverse(client.seat.unread.get())));
+        greedy.sort_by_key(|client| {
+            (
+                has_priority(client),
+                std::cmp::Reverse(client.seat.unread.get()),
+            )
+        });
         for client in greedy {
             if self.admission.unread.get() <= UNREAD_KEPT {
                 break;
@@ -121,7 +154,10 @@ impl Server {
     }
 
     fn is_busy(&self, asker: AskerId) -> bool {
-        self.clients.borrow().get(&asker).is_some_and(|client| client.machine.borrow().is_busy())
+        self.clients
+            .borrow()
+            .get(&asker)
+            .is_some_and(|client| client.machine.borrow().is_busy())
     }
 
     fn dismiss(&self, asker: AskerId, why: Dismissal) {

@@ -64,8 +64,15 @@ impl Crowd {
 }
 
 /// Runs `test` with a server that has this many slots.
-fn play<F: Future<Output = ()>>(slots: usize, settings: ListenerSettings, test: impl FnOnce(Crowd) -> F) {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+fn play<F: Future<Output = ()>>(
+    slots: usize,
+    settings: ListenerSettings,
+    test: impl FnOnce(Crowd) -> F,
+) {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
     let end = Duration::from_secs(20);
     let play = async {
         let socket = TcpListener::bind(settings.listen).await.unwrap();
@@ -74,15 +81,28 @@ fn play<F: Future<Output = ()>>(slots: usize, settings: ListenerSettings, test: 
         let totals = Arc::new(ModbusTotals::default());
         let router = Router::new(&settings, Units::new(&shared));
         let server = Rc::new(Server::new(Arc::clone(&totals), None).with_slots(slots));
-        tokio::task::spawn_local(Rc::clone(&server).listen(socket, Listener::new(settings, router, None)));
-        test(Crowd { server, shared, totals, address }).await;
+        tokio::task::spawn_local(
+            Rc::clone(&server).listen(socket, Listener::new(settings, router, None)),
+        );
+        test(Crowd {
+            server,
+            shared,
+            totals,
+            address,
+        })
+        .await;
     };
     let played = async { tokio::time::timeout(end, play).await };
-    runtime.block_on(LocalSet::new().run_until(played)).expect("it ends in time");
+    runtime
+        .block_on(LocalSet::new().run_until(played))
+        .expect("it ends in time");
 }
 
 fn with_priority() -> ListenerSettings {
-    ListenerSettings { priority: vec!["127.0.0.2/32".parse().unwrap()], ..EVERY_LINE }
+    ListenerSettings {
+        priority: vec!["127.0.0.2/32".parse().unwrap()],
+        ..EVERY_LINE
+    }
 }
 
 async fn is_closed(stream: &mut TcpStream) -> bool {
@@ -93,10 +113,17 @@ async fn is_closed(stream: &mut TcpStream) -> bool {
 fn a_full_server_closes_the_one_that_was_silent_for_longest_and_priority_finds_a_place() {
     play(8, with_priority(), |crowd| async move {
         let mut clients = crowd.silent(6).await;
-        assert_eq!(ask(&mut clients[0], 101, &READ).await, [3, 2, 0, 1], "all that is not kept for priority is taken");
+        assert_eq!(
+            ask(&mut clients[0], 101, &READ).await,
+            [3, 2, 0, 1],
+            "all that is not kept for priority is taken"
+        );
         let mut newcomer = crowd.connect_from(HERE).await;
         assert_eq!(ask(&mut newcomer, 101, &READ).await, [3, 2, 0, 1]);
-        assert!(is_closed(&mut clients.remove(1)).await, "the second has never asked");
+        assert!(
+            is_closed(&mut clients.remove(1)).await,
+            "the second has never asked"
+        );
         let mut urgent = Vec::new();
         for _ in 0..3 {
             urgent.push(crowd.connect_from(URGENT).await);
@@ -104,11 +131,25 @@ fn a_full_server_closes_the_one_that_was_silent_for_longest_and_priority_finds_a
         for stream in &mut urgent {
             assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1]);
         }
-        assert!(is_closed(&mut clients.remove(1)).await, "beyond the slots kept for it, priority takes another's");
+        assert!(
+            is_closed(&mut clients.remove(1)).await,
+            "beyond the slots kept for it, priority takes another's"
+        );
         for stream in clients.iter_mut().chain([&mut newcomer]).chain(&mut urgent) {
-            assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1], "nobody else was closed");
+            assert_eq!(
+                ask(stream, 101, &READ).await,
+                [3, 2, 0, 1],
+                "nobody else was closed"
+            );
         }
-        assert_eq!((crowd.totals.connections(), crowd.totals.dismissed(), crowd.totals.turned_away()), (8, 2, 0));
+        assert_eq!(
+            (
+                crowd.totals.connections(),
+                crowd.totals.dismissed(),
+                crowd.totals.turned_away()
+            ),
+            (8, 2, 0)
+        );
     });
 }
 
@@ -123,25 +164,35 @@ fn who_waits_for_a_drive_is_not_closed_for_a_newcomer() {
             tokio::task::yield_now().await;
         }
         assert!(is_closed(&mut crowd.connect_from(HERE).await).await);
-        assert_eq!((crowd.totals.connections(), crowd.totals.turned_away()), (3, 1));
+        assert_eq!(
+            (crowd.totals.connections(), crowd.totals.turned_away()),
+            (3, 1)
+        );
     });
 }
 
 #[test]
 fn a_listener_has_its_own_limit_and_those_who_leave_make_room() {
-    play(100, ListenerSettings { connections_max: Some(2), ..with_priority() }, |crowd| async move {
-        let mut clients = crowd.silent(2).await;
-        let mut third = crowd.connect_from(HERE).await;
-        assert_eq!(ask(&mut third, 101, &READ).await, [3, 2, 0, 1]);
-        assert!(is_closed(&mut clients[0]).await);
-        drop(third);
-        crowd.are_connected(1).await;
-        let mut fourth = crowd.connect_from(HERE).await;
-        let mut urgent = crowd.connect_from(URGENT).await;
-        for stream in [&mut clients[1], &mut fourth, &mut urgent] {
-            assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1]);
-        }
-    });
+    play(
+        100,
+        ListenerSettings {
+            connections_max: Some(2),
+            ..with_priority()
+        },
+        |crowd| async move {
+            let mut clients = crowd.silent(2).await;
+            let mut third = crowd.connect_from(HERE).await;
+            assert_eq!(ask(&mut third, 101, &READ).await, [3, 2, 0, 1]);
+            assert!(is_closed(&mut clients[0]).await);
+            drop(third);
+            crowd.are_connected(1).await;
+            let mut fourth = crowd.connect_from(HERE).await;
+            let mut urgent = crowd.connect_from(URGENT).await;
+            for stream in [&mut clients[1], &mut fourth, &mut urgent] {
+                assert_eq!(ask(stream, 101, &READ).await, [3, 2, 0, 1]);
+            }
+        },
+    );
 }
 
 #[test]
@@ -150,15 +201,31 @@ fn anyone_who_leaves_the_most_unread_is_closed_when_all_together_leave_too_much(
         let mut clients = crowd.silent(3).await;
         let mut urgent = crowd.connect_from(URGENT).await;
         ask(&mut urgent, 101, &READ).await;
-        let all: Vec<Rc<Client>> = (1..=4).map(|at| Rc::clone(&crowd.server.clients.borrow()[&AskerId(at)])).collect();
+        let all: Vec<Rc<Client>> = (1..=4)
+            .map(|at| Rc::clone(&crowd.server.clients.borrow()[&AskerId(at)]))
+            .collect();
         for (client, share) in all.iter().zip([3, 4, 2, 6]) {
-            assert!(!client.seat.leaves_unread(admission::UNREAD_MAX * share / 15), "all of it and no more");
+            assert!(
+                !client
+                    .seat
+                    .leaves_unread(admission::UNREAD_MAX * share / 15),
+                "all of it and no more"
+            );
         }
-        let last = all[2].seat.leaves_unread(admission::UNREAD_MAX * 2 / 15 + 15);
+        let last = all[2]
+            .seat
+            .leaves_unread(admission::UNREAD_MAX * 2 / 15 + 15);
         assert!(last);
         crowd.server.shed();
-        let kept = all.iter().map(|client| client.dismissed.get()).collect::<Vec<_>>();
-        assert_eq!(kept, [None, Some(Dismissal::Unread), None, None], "priority comes last");
+        let kept = all
+            .iter()
+            .map(|client| client.dismissed.get())
+            .collect::<Vec<_>>();
+        assert_eq!(
+            kept,
+            [None, Some(Dismissal::Unread), None, None],
+            "priority comes last"
+        );
         // They hold the sockets.
         drop(all);
         assert!(is_closed(&mut clients[1]).await);
@@ -186,10 +253,16 @@ fn one_that_never_stops_asking_takes_no_turn_of_another() {
         let before = crowd.totals.counters().requests;
         ask(&mut other, 101, &READ).await;
         let served = crowd.totals.counters().requests - before;
-        assert!(served < 10 * READ_BYTES as u64 / 12, "{served} before the answer to one");
+        assert!(
+            served < 10 * READ_BYTES as u64 / 12,
+            "{served} before the answer to one"
+        );
         for at in 0..many {
             let (transaction, unit, pdu) = answer(&mut flood).await;
-            assert_eq!((usize::from(transaction), unit, &pdu[..]), (at, 101, &[3, 2, 0, 1][..]));
+            assert_eq!(
+                (usize::from(transaction), unit, &pdu[..]),
+                (at, 101, &[3, 2, 0, 1][..])
+            );
         }
     });
 }
@@ -212,9 +285,14 @@ fn only_who_may_have_left_something_at_a_line_says_goodbye_there() {
             drop(native);
             crowd.are_connected(0).await;
             let messages = crowd.messages();
-            let [asked, left @ ..] = &messages[..] else { panic!("{messages:?}") };
+            let [asked, left @ ..] = &messages[..] else {
+                panic!("{messages:?}")
+            };
             assert!(matches!(asked, Message::Native(_) | Message::NativeStop(_)));
-            assert!(matches!(left, [Message::AskerGone(_), Message::AskerGone(_)]));
+            assert!(matches!(
+                left,
+                [Message::AskerGone(_), Message::AskerGone(_)]
+            ));
         }
     });
 }
@@ -222,20 +300,31 @@ fn only_who_may_have_left_something_at_a_line_says_goodbye_there() {
 #[test]
 fn only_the_units_that_are_listed_answer() {
     let units = [103, 2].map(|unit| UnitId::new(unit).unwrap());
-    let settings =
-        ListenerSettings { units: Some(units.to_vec()), write: vec!["127.0.0.0/8".parse().unwrap()], ..EVERY_LINE };
+    let settings = ListenerSettings {
+        units: Some(units.to_vec()),
+        write: vec!["127.0.0.0/8".parse().unwrap()],
+        ..EVERY_LINE
+    };
     play(100, settings, |crowd| async move {
         let mut stream = crowd.connect_from(HERE).await;
         assert_eq!(ask(&mut stream, 103, &READ).await, [3, 2, 0, 1]);
         for unit in [1, 3, 101, 102, 104] {
             assert_eq!(ask(&mut stream, unit, &READ).await, [0x83, 0x0A], "{unit}");
-            assert_eq!(ask(&mut stream, unit, &[6, 1, 0, 0, 0]).await, [0x86, 0x0A], "{unit}");
+            assert_eq!(
+                ask(&mut stream, unit, &[6, 1, 0, 0, 0]).await,
+                [0x86, 0x0A],
+                "{unit}"
+            );
         }
         assert!(crowd.messages().is_empty());
         for (drive, is_shown) in [(0, false), (1, true), (2, true), (3, false)] {
             let [high, low] = (1000_u16 + 8 * drive).to_be_bytes();
             let answer = ask(&mut stream, 255, &[3, high, low, 0, 1]).await;
-            assert_eq!(answer != [3, 2, 0xFF, 0xFF], is_shown, "drive {drive}: {answer:?}");
+            assert_eq!(
+                answer != [3, 2, 0xFF, 0xFF],
+                is_shown,
+                "drive {drive}: {answer:?}"
+            );
         }
         // A stop for all is for the drives that are served here and have control.
         let asked = crowd.totals.counters().requests + 1;
@@ -244,8 +333,13 @@ fn only_the_units_that_are_listed_answer() {
             tokio::task::yield_now().await;
         }
         let messages = crowd.messages();
-        let [Message::Command(stop)] = &messages[..] else { panic!("{messages:?}") };
-        assert_eq!((stop.order.clone(), stop.drive.get()), (Order::Stop { setpoint: None }, 0));
+        let [Message::Command(stop)] = &messages[..] else {
+            panic!("{messages:?}")
+        };
+        assert_eq!(
+            (stop.order.clone(), stop.drive.get()),
+            (Order::Stop { setpoint: None }, 0)
+        );
         // Native reads of the drive whose native unit is listed reach its line.
         send(&mut stream, &[(8, 2, &[3, 1, 1, 0, 1])]).await;
         loop {
@@ -259,14 +353,25 @@ fn only_the_units_that_are_listed_answer() {
 
 #[test]
 fn an_idle_time_out_of_the_listener_holds_at_once() {
-    play(100, ListenerSettings { idle_timeout: Some(Duration::from_millis(50)), ..EVERY_LINE }, |crowd| async move {
-        let mut stream = crowd.connect_from(HERE).await;
-        send(&mut stream, &[(1, 101, &READ)]).await;
-        assert_eq!(answer(&mut stream).await.2, [3, 2, 0, 1]);
-        assert!(is_closed(&mut stream).await);
-        // An incomplete request is not counted.
-        let mut slow = crowd.connect_from(HERE).await;
-        slow.write_all(&[0, 1]).await.unwrap();
-        assert!(tokio::time::timeout(Duration::from_millis(200), slow.read(&mut [0; 8])).await.is_err());
-    });
+    play(
+        100,
+        ListenerSettings {
+            idle_timeout: Some(Duration::from_millis(50)),
+            ..EVERY_LINE
+        },
+        |crowd| async move {
+            let mut stream = crowd.connect_from(HERE).await;
+            send(&mut stream, &[(1, 101, &READ)]).await;
+            assert_eq!(answer(&mut stream).await.2, [3, 2, 0, 1]);
+            assert!(is_closed(&mut stream).await);
+            // An incomplete request is not counted.
+            let mut slow = crowd.connect_from(HERE).await;
+            slow.write_all(&[0, 1]).await.unwrap();
+            assert!(
+                tokio::time::timeout(Duration::from_millis(200), slow.read(&mut [0; 8]))
+                    .await
+                    .is_err()
+            );
+        },
+    );
 }

@@ -5,7 +5,9 @@ use crate::daemon::exchange::answers::News;
 use crate::daemon::exchange::inbox::{Full, Message};
 use crate::daemon::exchange::router::{Drive, Target};
 use crate::domain::address::Address;
-use crate::domain::command::{CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report};
+use crate::domain::command::{
+    CommandAnswer, CommandRequest, Manner, Order, Origin, Reason, Report,
+};
 use crate::domain::ids::Ticket;
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::standby::LineRole;
@@ -14,7 +16,8 @@ use crate::drive::description::DriveRef;
 use crate::guard::COMMAND_DEADLINE;
 use crate::journal::Tried;
 use crate::north::modbus::{
-    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, memory, native, own, presses_stop,
+    Answer, Ask, Call, Connection, Ended, Ordered, Present, ReadBehind, Taken, Words, memory,
+    native, own, presses_stop,
 };
 use crate::wire::exception;
 use std::time::Duration;
@@ -41,13 +44,25 @@ impl Client {
     }
 
     /// Answers a call at once, or passes it on. One that `has_waited` does not prove that its client is still there.
-    fn serve_call(&self, now: MonoTime, machine: &mut Connection, call: Call, words: &mut Words, has_waited: bool) {
+    fn serve_call(
+        &self,
+        now: MonoTime,
+        machine: &mut Connection,
+        call: Call,
+        words: &mut Words,
+        has_waited: bool,
+    ) {
         let router = self.router();
         if has_waited && call.ask.writes() && !router.is_stop(call.unit, &call.ask) {
             return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::Stale));
         }
         if !self.may_ask.get() {
-            return machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::NotAllowed));
+            return machine.refuse(
+                now,
+                &call,
+                tried_of(&call),
+                Report::refused(Reason::NotAllowed),
+            );
         }
         match router.find(call.unit) {
             Some(Target::Native(drive)) => {
@@ -56,19 +71,36 @@ impl Client {
                 }
             }
             Some(Target::Uniform(drive)) => {
-                let present = Present { standby: drive.shared.role.get(), ..self.present(now) };
-                let taken = drive.unit.take(&call.ask, &drive.shared.view.load(), &present, words);
-                let is_read = !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
+                let present = Present {
+                    standby: drive.shared.role.get(),
+                    ..self.present(now)
+                };
+                let taken = drive
+                    .unit
+                    .take(&call.ask, &drive.shared.view.load(), &present, words);
+                let is_read =
+                    !call.ask.writes() && !matches!(taken, Taken::Exception(_) | Taken::Refused(_));
                 if self.reads_renew.get() && is_read && !has_waited {
                     self.renew(now, machine, drive);
                 }
                 self.settle(now, machine, &call, taken, words, Some(drive));
             }
             Some(Target::Own) => {
-                let taken = own::take(call.unit, &call.ask, router.as_ref(), &self.present(now), words);
+                let taken = own::take(
+                    call.unit,
+                    &call.ask,
+                    router.as_ref(),
+                    &self.present(now),
+                    words,
+                );
                 self.settle(now, machine, &call, taken, words, None);
             }
-            None => machine.refuse(now, &call, tried_of(&call), Report::refused(Reason::UnknownDrive)),
+            None => machine.refuse(
+                now,
+                &call,
+                tried_of(&call),
+                Report::refused(Reason::UnknownDrive),
+            ),
         }
     }
 
@@ -82,18 +114,23 @@ impl Client {
         call: &Call,
         words: &mut Words,
     ) -> Result<(), (Option<Tried>, Reason)> {
-        let Call { ticket, deadline, .. } = *call;
+        let Call {
+            ticket, deadline, ..
+        } = *call;
         let Drive { inbox, shared, .. } = drive;
         let ask = native::ask_of(&shared.description.model, call.ask.clone())
             .map_err(|_| (tried_of(call), Reason::NotCapable))?;
         let tried = match &ask {
-            NativeAsk::Write { address, values } => {
-                Some(Tried::Registers { address: *address, values: values.clone() })
-            }
+            NativeAsk::Write { address, values } => Some(Tried::Registers {
+                address: *address,
+                values: values.clone(),
+            }),
             NativeAsk::Read { address, count } => {
                 // What is heard of the other gateway is all that there is.
                 let listens = shared.role.get() == Some(LineRole::Listening);
-                if (listens || self.listener.remembers()) && self.recall(now, drive, (*address, *count), words) {
+                if (listens || self.listener.remembers())
+                    && self.recall(now, drive, (*address, *count), words)
+                {
                     machine.answer(now, ticket, Answer::Words(words.as_slice()));
                     return Ok(());
                 }
@@ -103,22 +140,47 @@ impl Client {
             NativeAsk::Loop { .. } => None,
         };
         let drive = shared.description.place.drive;
-        let request = NativeRequest { asker: self.asker, ticket, drive, origin: self.origin.get(), ask, deadline };
-        let until = if tried.is_some() { MonoTime::NEVER } else { deadline };
+        let request = NativeRequest {
+            asker: self.asker,
+            ticket,
+            drive,
+            origin: self.origin.get(),
+            ask,
+            deadline,
+        };
+        let until = if tried.is_some() {
+            MonoTime::NEVER
+        } else {
+            deadline
+        };
         let is_stop = self.router().is_stop(call.unit, &call.ask);
-        let message = if is_stop { Message::NativeStop(request) } else { Message::Native(request) };
-        inbox.put(message).map_err(|Full| (tried, Reason::QueueFull))?;
+        let message = if is_stop {
+            Message::NativeStop(request)
+        } else {
+            Message::Native(request)
+        };
+        inbox
+            .put(message)
+            .map_err(|Full| (tried, Reason::QueueFull))?;
         self.known_until.set(self.known_until.get().max(until));
         Ok(())
     }
 
     /// Fills in the words of a native read that may be answered from memory, and returns whether it may.
-    fn recall(&self, now: MonoTime, drive: Drive<'_>, read: (Address, u16), words: &mut Words) -> bool {
+    fn recall(
+        &self,
+        now: MonoTime,
+        drive: Drive<'_>,
+        read: (Address, u16),
+        words: &mut Words,
+    ) -> bool {
         let description = &drive.shared.description;
         // Before the view: if the line takes an order in between, the counts differ.
         let orders = drive.inbox.orders(description.place.drive);
         let view = drive.shared.view.load();
-        let Some(age) = memory::recall(description, &view, orders, read, now, words) else { return false };
+        let Some(age) = memory::recall(description, &view, orders, read, now, words) else {
+            return false;
+        };
         self.listener.reads().count_from_memory(age);
         let (listener, age_ms) = (self.listener.reads().listener(), age.as_millis());
         tracing::trace!(listener, drive = %description.name, address = %read.0, count = read.1, age_ms, "read from memory");
@@ -138,10 +200,17 @@ impl Client {
         if let Taken::Refused(reason) = taken {
             return machine.refuse(now, call, tried_of(call), Report::refused(reason));
         }
-        match (taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)), drive) {
+        match (
+            taken.at_once(words, |answer| machine.answer(now, call.ticket, answer)),
+            drive,
+        ) {
             (Ok(()), _) => {}
             (Err(Ordered::One(order)), Some(drive)) => {
-                let manner = if presses_stop(&call.ask) { Manner::Once } else { Manner::Cyclic };
+                let manner = if presses_stop(&call.ask) {
+                    Manner::Once
+                } else {
+                    Manner::Cyclic
+                };
                 let result = self.order(now, call.ticket, drive, order, manner);
                 self.expect(now, machine, call, vec![(call.ticket, result)]);
             }
@@ -154,25 +223,54 @@ impl Client {
 
     /// Sends an order to a drive, or returns why not. An order that its line does not accept still counts as an
     /// attempt; renewing a lease does not.
-    fn order(&self, now: MonoTime, ticket: Ticket, drive: Drive<'_>, order: Order, manner: Manner) -> Result<(), Full> {
+    fn order(
+        &self,
+        now: MonoTime,
+        ticket: Ticket,
+        drive: Drive<'_>,
+        order: Order,
+        manner: Manner,
+    ) -> Result<(), Full> {
         let place = drive.shared.description.place;
         let command = self.command_for(now, ticket, place, order.clone(), manner);
-        drive.inbox.put(Message::Command(command)).inspect_err(|Full| self.found_no_room(place, order))
+        drive
+            .inbox
+            .put(Message::Command(command))
+            .inspect_err(|Full| self.found_no_room(place, order))
     }
 
     /// Sends a stop to each drive of this listener that has control. Each line finds its stops together.
     fn stop_all(&self, now: MonoTime, machine: &mut Connection) -> Vec<(Ticket, Result<(), Full>)> {
         let router = self.router();
         let order = Order::Stop { setpoint: None };
-        let places = router.controlled().map(|drive| drive.shared.description.place);
+        let places = router
+            .controlled()
+            .map(|drive| drive.shared.description.place);
         let commands: Vec<_> = places
-            .map(|place| (place, self.command_for(now, machine.fresh_ticket(), place, order.clone(), Manner::Once)))
+            .map(|place| {
+                (
+                    place,
+                    self.command_for(
+                        now,
+                        machine.fresh_ticket(),
+                        place,
+                        order.clone(),
+                        Manner::Once,
+                    ),
+                )
+            })
             .collect();
-        let given: Vec<_> = commands.iter().map(|(place, command)| (*place, command.ticket)).collect();
+        let given: Vec<_> = commands
+            .iter()
+            .map(|(place, command)| (*place, command.ticket))
+            .collect();
         let taken = router.shared().put_together(commands);
         let result = |((place, ticket), is_taken)| {
             let result = if is_taken { Ok(()) } else { Err(Full) };
-            (ticket, result.inspect_err(|Full| self.found_no_room(place, order.clone())))
+            (
+                ticket,
+                result.inspect_err(|Full| self.found_no_room(place, order.clone())),
+            )
         };
         given.into_iter().zip(taken).map(result).collect()
     }
@@ -190,7 +288,10 @@ impl Client {
             asker: self.asker,
             ticket,
             drive: place.drive,
-            origin: Origin { manner, ..self.origin.get() },
+            origin: Origin {
+                manner,
+                ..self.origin.get()
+            },
             order,
             start_before: now + COMMAND_DEADLINE,
             issued: None,
@@ -204,31 +305,47 @@ impl Client {
         if !order.is_no_attempt() {
             let owner = self.origin.get().owner;
             let report = Report::refused(Reason::QueueFull);
-            self.keeper.keep(Some(place), owner, Tried::Order(order), report);
+            self.keeper
+                .keep(Some(place), owner, Tried::Order(order), report);
         }
     }
 
     /// Waits for the answers to the orders for `call`. If there are none (no drive has control), the call is refused;
     /// if none was accepted, it is answered at once.
-    fn expect(&self, now: MonoTime, machine: &mut Connection, call: &Call, given: Vec<(Ticket, Result<(), Full>)>) {
+    fn expect(
+        &self,
+        now: MonoTime,
+        machine: &mut Connection,
+        call: &Call,
+        given: Vec<(Ticket, Result<(), Full>)>,
+    ) {
         if given.is_empty() {
             return machine.refuse(now, call, tried_of(call), Report::refused(Reason::ReadOnly));
         }
         let has_full = given.iter().any(|(_, result)| result.is_err());
         let worst = has_full.then_some(exception::SERVER_DEVICE_BUSY);
-        let out: Vec<Ticket> = given.into_iter().filter_map(|(ticket, result)| result.ok().map(|()| ticket)).collect();
+        let out: Vec<Ticket> = given
+            .into_iter()
+            .filter_map(|(ticket, result)| result.ok().map(|()| ticket))
+            .collect();
         if let (true, Some(code)) = (out.is_empty(), worst) {
             return machine.answer(now, call.ticket, Answer::Exception(code));
         }
         let read = read_behind(call);
-        self.commands.borrow_mut().expect(now, call.ticket, call.deadline, out, worst, read);
+        self.commands
+            .borrow_mut()
+            .expect(now, call.ticket, call.deadline, out, worst, read);
     }
 
     /// Processes news from a line.
     pub(super) fn hear(&self, now: MonoTime, news: &News) {
         match news {
             News::Native(answer) => {
-                self.machine.borrow_mut().answer(now, answer.ticket, native::answer_of(&answer.outcome));
+                self.machine.borrow_mut().answer(
+                    now,
+                    answer.ticket,
+                    native::answer_of(&answer.outcome),
+                );
             }
             News::Command(answer) => self.hear_command(now, answer),
             News::Trip(..) | News::Events { .. } => {}
@@ -236,19 +353,36 @@ impl Client {
     }
 
     fn hear_command(&self, now: MonoTime, answer: &CommandAnswer) {
-        let Some(Ended { call, exception, read }) = self.commands.borrow_mut().take(answer) else { return };
+        let Some(Ended {
+            call,
+            exception,
+            read,
+        }) = self.commands.borrow_mut().take(answer)
+        else {
+            return;
+        };
         let mut machine = self.machine.borrow_mut();
         let Some(read) = read else {
-            return machine.answer(now, call, exception.map_or(Answer::Written, Answer::Exception));
+            return machine.answer(
+                now,
+                call,
+                exception.map_or(Answer::Written, Answer::Exception),
+            );
         };
         let router = self.router();
         let Some(Target::Uniform(drive)) = router.find(read.unit) else {
-            return machine.answer(now, call, Answer::Exception(exception::SERVER_DEVICE_FAILURE));
+            return machine.answer(
+                now,
+                call,
+                Answer::Exception(exception::SERVER_DEVICE_FAILURE),
+            );
         };
         let mut words = Words::default();
         let view = drive.shared.view.load();
         let present = self.present(now);
-        let taken = drive.unit.read(read.address, read.count, &view, &present, &mut words);
+        let taken = drive
+            .unit
+            .read(read.address, read.count, &view, &present, &mut words);
         // A read orders nothing.
         let _ = taken.at_once(&words, |answer| machine.answer(now, call, answer));
     }
@@ -261,16 +395,33 @@ impl Client {
             return;
         }
         let mut renewed = self.renewed.borrow_mut();
-        if renewed.get(&drive.place).is_some_and(|at| now.since(*at) < RENEW_EVERY) {
+        if renewed
+            .get(&drive.place)
+            .is_some_and(|at| now.since(*at) < RENEW_EVERY)
+        {
             return;
         }
-        if self.order(now, machine.fresh_ticket(), drive, Order::Renew, Manner::Cyclic).is_ok() {
+        if self
+            .order(
+                now,
+                machine.fresh_ticket(),
+                drive,
+                Order::Renew,
+                Manner::Cyclic,
+            )
+            .is_ok()
+        {
             renewed.insert(drive.place, now);
         }
     }
 
     fn present(&self, now: MonoTime) -> Present {
-        Present { now, uptime_s: self.router().uptime_s(now), owner: self.origin.get().owner, standby: None }
+        Present {
+            now,
+            uptime_s: self.router().uptime_s(now),
+            owner: self.origin.get().owner,
+            standby: None,
+        }
     }
 }
 
@@ -282,9 +433,15 @@ fn tried_of(call: &Call) -> Option<Tried> {
 /// What is read once the order in `call` is answered.
 const fn read_behind(call: &Call) -> Option<ReadBehind> {
     match call.ask {
-        Ask::ReadWriteWords { read_address, read_count, .. } => {
-            Some(ReadBehind { unit: call.unit, address: read_address, count: read_count })
-        }
+        Ask::ReadWriteWords {
+            read_address,
+            read_count,
+            ..
+        } => Some(ReadBehind {
+            unit: call.unit,
+            address: read_address,
+            count: read_count,
+        }),
         _ => None,
     }
 }

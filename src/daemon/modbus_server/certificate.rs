@@ -35,7 +35,9 @@ pub(super) enum Unusable {
     #[error("its certificate has more than one role extension (1.3.6.1.4.1.50316.802.1)")]
     Roles,
     /// The role is not text.
-    #[error("the role extension of its certificate (1.3.6.1.4.1.50316.802.1) does not hold exactly one UTF8String")]
+    #[error(
+        "the role extension of its certificate (1.3.6.1.4.1.50316.802.1) does not hold exactly one UTF8String"
+    )]
     RoleType,
 }
 
@@ -46,13 +48,19 @@ impl Certificate {
     /// Why it cannot be used.
     pub fn read(der: &[u8]) -> Result<Self, Unusable> {
         let (_, certificate) = X509Certificate::from_der(der).map_err(|_| Unusable::Unreadable)?;
-        let mut roles = certificate.extensions().iter().filter(|extension| extension.oid == ROLE);
+        let mut roles = certificate
+            .extensions()
+            .iter()
+            .filter(|extension| extension.oid == ROLE);
         let role = match (roles.next(), roles.next()) {
             (None, _) => "".into(),
             (Some(role), None) => text(role.value).ok_or(Unusable::RoleType)?,
             (Some(_), Some(_)) => return Err(Unusable::Roles),
         };
-        Ok(Self { name: name(certificate.subject())?, role })
+        Ok(Self {
+            name: name(certificate.subject())?,
+            role,
+        })
     }
 }
 
@@ -68,16 +76,27 @@ fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
     let mut attributes = subject.iter_attributes();
     let first = attributes.next().ok_or(Unusable::NoSubject)?;
     let is_all = attributes.next().is_none() && *first.attr_type() == OID_X509_COMMON_NAME;
-    let plain = first.as_str().ok().filter(|text| is_all && !has_digest(text)).and_then(CommanderName::new);
+    let plain = first
+        .as_str()
+        .ok()
+        .filter(|text| is_all && !has_digest(text))
+        .and_then(CommanderName::new);
     if let Some(plain) = plain {
         return Ok(plain);
     }
     let fits = |c: &char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    let common = subject.iter_common_name().find_map(|name| name.as_str().ok()).unwrap_or_default();
+    let common = subject
+        .iter_common_name()
+        .find_map(|name| name.as_str().ok())
+        .unwrap_or_default();
     let room = CommanderName::MAX_CHARS - DIGEST_DIGITS - 1;
     let mut made: String = common.chars().filter(fits).take(room).collect();
     made.push('.');
-    for byte in digest(&SHA256, subject.as_raw()).as_ref().iter().take(DIGEST_DIGITS / 2) {
+    for byte in digest(&SHA256, subject.as_raw())
+        .as_ref()
+        .iter()
+        .take(DIGEST_DIGITS / 2)
+    {
         // Writing into a text never fails.
         let _ = write!(made, "{byte:02x}");
     }
@@ -87,7 +106,9 @@ fn name(subject: &X509Name<'_>) -> Result<CommanderName, Unusable> {
 /// Whether a name looks like one with a digest: such a common name must not pass for another subject.
 fn has_digest(text: &str) -> bool {
     let digits = text.rsplit_once('.').map(|(_, digits)| digits);
-    digits.is_some_and(|digits| digits.len() == DIGEST_DIGITS && digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
+    digits.is_some_and(|digits| {
+        digits.len() == DIGEST_DIGITS && digits.bytes().all(|byte| byte.is_ascii_hexdigit())
+    })
 }
 
 #[cfg(test)]
@@ -124,8 +145,14 @@ mod tests {
         assert_eq!(role_of(&[role("operator")]), Ok("operator".to_owned()));
         assert_eq!(role_of(&[role("Zähler 1")]), Ok("Zähler 1".to_owned()));
         assert_eq!(role_of(&[role("")]), Ok(String::new()));
-        assert_eq!(role_of(&[role("viewer"), role("operator")]), Err(Unusable::Roles));
-        assert_eq!(role_of(&[role("viewer"), role("viewer")]), Err(Unusable::Roles));
+        assert_eq!(
+            role_of(&[role("viewer"), role("operator")]),
+            Err(Unusable::Roles)
+        );
+        assert_eq!(
+            role_of(&[role("viewer"), role("viewer")]),
+            Err(Unusable::Roles)
+        );
         for bytes in [
             &b""[..],
             b"operator",
@@ -137,7 +164,11 @@ mod tests {
             b"\x0c\x09operator",         // cut off
             b"\x0c\x02\xff\xff",         // no UTF-8
         ] {
-            assert_eq!(role_of(&[role_holding(bytes.to_vec())]), Err(Unusable::RoleType), "{bytes:02x?}");
+            assert_eq!(
+                role_of(&[role_holding(bytes.to_vec())]),
+                Err(Unusable::RoleType),
+                "{bytes:02x?}"
+            );
         }
     }
 
@@ -150,7 +181,11 @@ mod tests {
             let name = DnValue::PrintableString("scada".try_into().unwrap());
             params.distinguished_name.push(COMMON, name);
         });
-        assert_eq!(printable.unwrap().name.as_str(), "scada", "a renewed certificate may write it otherwise");
+        assert_eq!(
+            printable.unwrap().name.as_str(),
+            "scada",
+            "a renewed certificate may write it otherwise"
+        );
     }
 
     #[test]
@@ -170,7 +205,8 @@ mod tests {
             vec![(COMMON, "")],
             vec![(DnType::OrganizationName, "scada")],
         ];
-        let names: std::collections::BTreeSet<_> = subjects.iter().map(|subject| named(subject)).collect();
+        let names: std::collections::BTreeSet<_> =
+            subjects.iter().map(|subject| named(subject)).collect();
         assert_eq!(names.len(), subjects.len(), "{names:?}");
         assert_eq!(named(&subjects[1]), organized, "the same each time");
     }

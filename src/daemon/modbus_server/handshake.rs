@@ -39,11 +39,22 @@ pub(super) async fn shake(
     let stream = SecuredStream::new(socket, session);
     match tokio::time::timeout(HANDSHAKE_MAX, finish(&mut source, &stream)).await {
         Ok(done) => done.map_err(|error| reason(&error))?,
-        Err(_) => return Err(format!("it did not finish within {} s", HANDSHAKE_MAX.as_secs())),
+        Err(_) => {
+            return Err(format!(
+                "it did not finish within {} s",
+                HANDSHAKE_MAX.as_secs()
+            ));
+        }
     }
     let certificate = stream.with_certificate(Certificate::read);
-    let certificate = certificate.ok_or("the client presented no certificate")?.map_err(|error| error.to_string())?;
-    Ok(Shaken { source, stream, certificate })
+    let certificate = certificate
+        .ok_or("the client presented no certificate")?
+        .map_err(|error| error.to_string())?;
+    Ok(Shaken {
+        source,
+        stream,
+        certificate,
+    })
 }
 
 async fn finish(source: &mut OwnedReadHalf, stream: &SecuredStream) -> io::Result<()> {
@@ -65,7 +76,9 @@ async fn finish(source: &mut OwnedReadHalf, stream: &SecuredStream) -> io::Resul
 
 /// Why a handshake failed, as text.
 fn reason(error: &io::Error) -> String {
-    let tls = error.get_ref().and_then(|inner| inner.downcast_ref::<Error>());
+    let tls = error
+        .get_ref()
+        .and_then(|inner| inner.downcast_ref::<Error>());
     let Some(tls) = tls else {
         return match error.kind() {
             io::ErrorKind::UnexpectedEof => "the client left before the end".to_owned(),
@@ -78,7 +91,9 @@ fn reason(error: &io::Error) -> String {
         Error::InvalidMessage(_) => "the client does not speak TLS",
         Error::AlertReceived(alert) => return format!("the client refuses: {alert:?}"),
         Error::PeerIncompatible(lacks) => {
-            return format!("the client has no version or cipher in common with the gateway: {lacks:?}");
+            return format!(
+                "the client has no version or cipher in common with the gateway: {lacks:?}"
+            );
         }
         other => return other.to_string(),
     };
@@ -91,14 +106,18 @@ fn certificate_reason(wrong: &CertificateError) -> String {
         CertificateError::UnknownIssuer | CertificateError::BadSignature => {
             "its certificate is not signed by an authority in `client_ca_file`"
         }
-        CertificateError::Expired | CertificateError::ExpiredContext { .. } => "its certificate has expired",
+        CertificateError::Expired | CertificateError::ExpiredContext { .. } => {
+            "its certificate has expired"
+        }
         CertificateError::NotValidYet | CertificateError::NotValidYetContext { .. } => {
             "its certificate is not valid yet; compare the clocks"
         }
         CertificateError::InvalidPurpose | CertificateError::InvalidPurposeContext { .. } => {
             "its certificate is not for clients (extended key usage)"
         }
-        CertificateError::Other(other) if format!("{other:?}").contains("UnsupportedCriticalExtension") => {
+        CertificateError::Other(other)
+            if format!("{other:?}").contains("UnsupportedCriticalExtension") =>
+        {
             "its certificate has an unknown critical extension; the role extension must not be critical"
         }
         CertificateError::Other(other) => return other.to_string(),
@@ -148,6 +167,9 @@ impl Handshakes {
     pub fn dismiss(&self, asker: AskerId) -> bool {
         let mut under_way = self.under_way.borrow_mut();
         let place = under_way.iter().position(|it| it.asker == asker);
-        place.and_then(|place| under_way.remove(place)).inspect(|it| it.task.abort()).is_some()
+        place
+            .and_then(|place| under_way.remove(place))
+            .inspect(|it| it.task.abort())
+            .is_some()
     }
 }

@@ -4,7 +4,8 @@ use crate::config::ListenerTls;
 use crate::daemon::testing::Dir;
 use crate::domain::command::Rights;
 use rcgen::{
-    BasicConstraints, CertificateParams, CustomExtension, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
+    BasicConstraints, CertificateParams, CustomExtension, DnType, ExtendedKeyUsagePurpose, IsCa,
+    Issuer, KeyPair,
 };
 use std::path::PathBuf;
 
@@ -27,10 +28,15 @@ impl Authority {
     pub fn new() -> Self {
         let mut params = CertificateParams::default();
         params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
-        params.distinguished_name.push(DnType::CommonName, "authority");
+        params
+            .distinguished_name
+            .push(DnType::CommonName, "authority");
         let key = KeyPair::generate().unwrap();
         let certificate = params.self_signed(&key).unwrap();
-        Self { issuer: Issuer::new(params, key), certificate }
+        Self {
+            issuer: Issuer::new(params, key),
+            certificate,
+        }
     }
 
     /// Issues a certificate with the parameters as changed by `edit`.
@@ -39,7 +45,10 @@ impl Authority {
         params.distinguished_name = rcgen::DistinguishedName::new();
         edit(&mut params);
         let key = KeyPair::generate().unwrap();
-        Issued { certificate: params.signed_by(&key, &self.issuer).unwrap(), key }
+        Issued {
+            certificate: params.signed_by(&key, &self.issuer).unwrap(),
+            key,
+        }
     }
 
     /// A client called `name` in `role`.
@@ -55,7 +64,13 @@ impl Authority {
 /// A role extension with this text.
 pub(super) fn role(text: &str) -> CustomExtension {
     const UTF8_STRING: u8 = 0x0C;
-    role_holding([&[UTF8_STRING, u8::try_from(text.len()).unwrap()], text.as_bytes()].concat())
+    role_holding(
+        [
+            &[UTF8_STRING, u8::try_from(text.len()).unwrap()],
+            text.as_bytes(),
+        ]
+        .concat(),
+    )
 }
 
 /// A role extension that holds these bytes.
@@ -70,7 +85,9 @@ pub(super) struct Files {
 
 impl Files {
     pub fn new() -> Self {
-        Self { directory: Dir::new() }
+        Self {
+            directory: Dir::new(),
+        }
     }
 
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
@@ -82,13 +99,29 @@ impl Files {
     /// A listener with a certificate of `own` that trusts the clients of `clients`: an operator may do everything, a
     /// viewer may read.
     pub fn listener(&self, own: &Authority, clients: &Authority) -> ListenerTls {
-        let gateway = own.issue(|params| params.distinguished_name.push(DnType::CommonName, "gateway"));
-        let roles = [("operator", Rights { write: true, stop: true }), ("viewer", Rights::NONE)];
+        let gateway = own.issue(|params| {
+            params
+                .distinguished_name
+                .push(DnType::CommonName, "gateway")
+        });
+        let roles = [
+            (
+                "operator",
+                Rights {
+                    write: true,
+                    stop: true,
+                },
+            ),
+            ("viewer", Rights::NONE),
+        ];
         ListenerTls {
             cert_file: self.write("gateway.pem", &gateway.certificate.pem()),
             key_file: self.write("gateway.key", &gateway.key.serialize_pem()),
             client_ca_file: self.write("clients.pem", &clients.certificate.pem()),
-            roles: roles.into_iter().map(|(name, rights)| (name.to_owned(), rights)).collect(),
+            roles: roles
+                .into_iter()
+                .map(|(name, rights)| (name.to_owned(), rights))
+                .collect(),
         }
     }
 }

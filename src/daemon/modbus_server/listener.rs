@@ -52,7 +52,12 @@ impl Listener {
         Self::called(name.to_string(), settings, router, None)
     }
 
-    fn called(name: String, settings: ListenerSettings, router: Router, security: Option<Security>) -> Rc<Self> {
+    fn called(
+        name: String,
+        settings: ListenerSettings,
+        router: Router,
+        security: Option<Security>,
+    ) -> Rc<Self> {
         Rc::new(Self {
             reads: Arc::new(ReadTotals::new(name)),
             settings: RefCell::new(Some(settings)),
@@ -101,7 +106,11 @@ impl Listener {
 
     pub(super) fn allows(&self, peer: IpAddr) -> bool {
         let settings = self.settings.borrow();
-        let allows = |it: &ListenerSettings| it.allow.as_deref().is_none_or(|nets| access::is_in(peer, nets));
+        let allows = |it: &ListenerSettings| {
+            it.allow
+                .as_deref()
+                .is_none_or(|nets| access::is_in(peer, nets))
+        };
         settings.as_ref().is_some_and(allows)
     }
 
@@ -135,11 +144,17 @@ impl Listener {
     }
 
     pub(super) fn has_priority(&self, peer: IpAddr) -> bool {
-        self.settings.borrow().as_ref().is_some_and(|it| access::is_in(peer, &it.priority))
+        self.settings
+            .borrow()
+            .as_ref()
+            .is_some_and(|it| access::is_in(peer, &it.priority))
     }
 
     pub(super) fn connections_max(&self) -> Option<usize> {
-        self.settings.borrow().as_ref().and_then(|it| it.connections_max)
+        self.settings
+            .borrow()
+            .as_ref()
+            .and_then(|it| it.connections_max)
     }
 
     pub(super) fn keep_alive(&self) -> Option<Duration> {

@@ -13,7 +13,9 @@ use rcgen::{DnType, ExtendedKeyUsagePurpose};
 use rustls::crypto::ring;
 use rustls::pki_types::{PrivateKeyDer, ServerName};
 use rustls::sign::{CertifiedKey, SingleCertAndKey};
-use rustls::{ClientConfig, ClientConnection, HandshakeKind, RootCertStore, SupportedProtocolVersion, version};
+use rustls::{
+    ClientConfig, ClientConnection, HandshakeKind, RootCertStore, SupportedProtocolVersion, version,
+};
 use std::io::{Read, Write};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
@@ -42,7 +44,10 @@ struct Secured {
 }
 
 fn play<F: Future<Output = ()>>(test: impl FnOnce(Secured) -> F) {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
     runtime.block_on(LocalSet::new().run_until(async { test(Secured::new().await).await }));
 }
 
@@ -54,7 +59,11 @@ impl Secured {
         let tls = files.listener(&own, &clients);
         let security = Security::read(&tls).unwrap();
         let write = vec!["127.0.0.0/8".parse().unwrap()];
-        let settings = ListenerSettings { write, tls: Some(tls), ..EVERY_LINE };
+        let settings = ListenerSettings {
+            write,
+            tls: Some(tls),
+            ..EVERY_LINE
+        };
         let socket = TcpListener::bind(settings.listen).await.unwrap();
         let shared = shared();
         let answers = Arc::<AnswerBox>::default();
@@ -62,22 +71,46 @@ impl Secured {
         let listener = Listener::new(settings.clone(), router(&settings, &shared), Some(security));
         let totals = Arc::<ModbusTotals>::default();
         let kept = Arc::<Kept>::default();
-        let server = Rc::new(Server::new(Arc::clone(&totals), Some(Arc::clone(&kept) as _)));
+        let server = Rc::new(Server::new(
+            Arc::clone(&totals),
+            Some(Arc::clone(&kept) as _),
+        ));
         tokio::task::spawn_local(Rc::clone(&server).listen(socket, Rc::clone(&listener)));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&answers)));
-        let plant = Plant { shared, answers, address };
-        Self { plant, own, clients, files, settings, listener, server, totals, kept }
+        let plant = Plant {
+            shared,
+            answers,
+            address,
+        };
+        Self {
+            plant,
+            own,
+            clients,
+            files,
+            settings,
+            listener,
+            server,
+            totals,
+            kept,
+        }
     }
 
     fn tls(&self) -> &ListenerTls {
         self.settings.tls.as_ref().unwrap()
     }
 
-    fn config(&self, client: Option<&Issued>, versions: &[&'static SupportedProtocolVersion]) -> Arc<ClientConfig> {
+    fn config(
+        &self,
+        client: Option<&Issued>,
+        versions: &[&'static SupportedProtocolVersion],
+    ) -> Arc<ClientConfig> {
         let mut roots = RootCertStore::empty();
         roots.add(self.own.certificate.der().clone()).unwrap();
         let builder = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()));
-        let builder = builder.with_protocol_versions(versions).unwrap().with_root_certificates(roots);
+        let builder = builder
+            .with_protocol_versions(versions)
+            .unwrap()
+            .with_root_certificates(roots);
         Arc::new(match client {
             None => builder.with_no_client_auth(),
             Some(client) => {
@@ -92,16 +125,23 @@ impl Secured {
 
     async fn connect(&self, config: &Arc<ClientConfig>) -> TlsStream<TcpStream> {
         let stream = TcpStream::connect(self.plant.address).await.unwrap();
-        TlsConnector::from(Arc::clone(config)).connect(name(), stream).await.unwrap()
+        TlsConnector::from(Arc::clone(config))
+            .connect(name(), stream)
+            .await
+            .unwrap()
     }
 
     async fn client(&self, name: &str, role: &str) -> TlsStream<TcpStream> {
-        self.connect(&self.config(Some(&self.clients.client(name, role)), EVERY_VERSION)).await
+        self.connect(&self.config(Some(&self.clients.client(name, role)), EVERY_VERSION))
+            .await
     }
 
     /// Changes the listener as a reload does.
     fn change(&self, settings: ListenerSettings) {
-        let security = settings.tls.as_ref().map(|tls| Security::read(tls).unwrap());
+        let security = settings
+            .tls
+            .as_ref()
+            .map(|tls| Security::read(tls).unwrap());
         let router = router(&settings, &self.plant.shared);
         self.listener.change(settings, router, security);
         self.server.review();
@@ -111,12 +151,16 @@ impl Secured {
     async fn refusal(&self, config: &Arc<ClientConfig>) -> String {
         let security = Security::read(self.tls()).unwrap();
         let socket = TcpListener::bind(EVERY_LINE.listen).await.unwrap();
-        let stream = TcpStream::connect(socket.local_addr().unwrap()).await.unwrap();
+        let stream = TcpStream::connect(socket.local_addr().unwrap())
+            .await
+            .unwrap();
         let (accepted, _) = socket.accept().await.unwrap();
         let (source, sink) = accepted.into_split();
         let gateway = async { shake(source, sink, &security).await.err().unwrap() };
         let client = async {
-            let mut stream = TlsConnector::from(Arc::clone(config)).connect(name(), stream).await?;
+            let mut stream = TlsConnector::from(Arc::clone(config))
+                .connect(name(), stream)
+                .await?;
             stream.read(&mut [0]).await
         };
         let (reason, client) = tokio::join!(gateway, client);
@@ -125,7 +169,10 @@ impl Secured {
     }
 }
 
-fn router(settings: &ListenerSettings, shared: &Arc<crate::daemon::exchange::shared::Shared>) -> Router {
+fn router(
+    settings: &ListenerSettings,
+    shared: &Arc<crate::daemon::exchange::shared::Shared>,
+) -> Router {
     Router::new(settings, Units::new(shared))
 }
 
@@ -140,15 +187,33 @@ async fn is_closed(stream: &mut (impl AsyncRead + Unpin)) -> bool {
 #[test]
 fn the_role_says_what_the_owner_may() {
     play(async |secured: Secured| {
-        let all = Rights { write: true, stop: true };
-        for (name, role, rights) in [("scada", "operator", all), ("panel", "viewer", Rights::NONE)] {
+        let all = Rights {
+            write: true,
+            stop: true,
+        };
+        for (name, role, rights) in [
+            ("scada", "operator", all),
+            ("panel", "viewer", Rights::NONE),
+        ] {
             let mut stream = secured.client(name, role).await;
             assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1], "{role}");
             send(&mut stream, &[(9, 101, &RUN)]).await;
             let command = secured.plant.commands(0, 1).await.remove(0);
             let owner = Owner::ModbusSecurity(CommanderName::new(name).unwrap());
-            assert_eq!(command.origin, Origin { owner, rights, manner: Manner::Cyclic }, "{role}");
-            secured.plant.tell(&command, Report::new(Outcome::Acknowledged, Reason::None), true);
+            assert_eq!(
+                command.origin,
+                Origin {
+                    owner,
+                    rights,
+                    manner: Manner::Cyclic
+                },
+                "{role}"
+            );
+            secured.plant.tell(
+                &command,
+                Report::new(Outcome::Acknowledged, Reason::None),
+                true,
+            );
             assert_eq!(answer(&mut stream).await, (9, 101, RUN.to_vec()));
         }
     });
@@ -160,11 +225,22 @@ fn a_role_that_is_not_listed_gets_01_for_everything() {
         let mut connected = Vec::new();
         for role in ["intern", "Operator", ""] {
             let mut stream = secured.client("somebody", role).await;
-            for (unit, pdu) in [(101, &READ[..]), (1, &[3, 1, 1, 0, 1]), (255, &[0x2B, 0x0E, 4, 0]), (101, &RUN)] {
-                assert_eq!(ask(&mut stream, unit, pdu).await, [pdu[0] | 0x80, 1], "{role} {unit} {pdu:?}");
+            for (unit, pdu) in [
+                (101, &READ[..]),
+                (1, &[3, 1, 1, 0, 1]),
+                (255, &[0x2B, 0x0E, 4, 0]),
+                (101, &RUN),
+            ] {
+                assert_eq!(
+                    ask(&mut stream, unit, pdu).await,
+                    [pdu[0] | 0x80, 1],
+                    "{role} {unit} {pdu:?}"
+                );
             }
             let kept = secured.kept.take();
-            let [(_, attempt)] = &kept[..] else { panic!("{kept:?}") };
+            let [(_, attempt)] = &kept[..] else {
+                panic!("{kept:?}")
+            };
             assert_eq!(attempt.owner.to_string(), "modbus-security somebody");
             assert_eq!(attempt.report, Some(Report::refused(Reason::NotAllowed)));
             connected.push(stream);
@@ -177,9 +253,15 @@ fn a_role_that_is_not_listed_gets_01_for_everything() {
 fn what_an_address_may_not_its_role_does_not_grant() {
     play(async |secured: Secured| {
         let mut stream = secured.client("scada", "operator").await;
-        secured.change(ListenerSettings { write: Vec::new(), ..secured.settings.clone() });
+        secured.change(ListenerSettings {
+            write: Vec::new(),
+            ..secured.settings.clone()
+        });
         send(&mut stream, &[(9, 101, &RUN)]).await;
-        assert_eq!(secured.plant.commands(0, 1).await.remove(0).origin.rights, Rights::NONE);
+        assert_eq!(
+            secured.plant.commands(0, 1).await.remove(0).origin.rights,
+            Rights::NONE
+        );
     });
 }
 
@@ -208,7 +290,9 @@ fn both_versions_are_served_and_nothing_is_resumed() {
 #[test]
 fn anyone_who_does_not_prove_itself_gets_the_reason() {
     play(async |secured: Secured| {
-        let common = |params: &mut rcgen::CertificateParams| params.distinguished_name.push(DnType::CommonName, "x");
+        let common = |params: &mut rcgen::CertificateParams| {
+            params.distinguished_name.push(DnType::CommonName, "x")
+        };
         let issue = |edit: &dyn Fn(&mut rcgen::CertificateParams)| {
             secured.clients.issue(|params| {
                 common(params);
@@ -221,20 +305,51 @@ fn anyone_who_does_not_prove_itself_gets_the_reason() {
         let purpose = ExtendedKeyUsagePurpose::ServerAuth;
         for (client, right) in [
             (None, "the client presented no certificate"),
-            (Some(Authority::new().client("scada", "operator")), "not signed by an authority in `client_ca_file`"),
-            (Some(issue(&|it| (it.not_before, it.not_after) = (day(2019), day(2020)))), "has expired"),
-            (Some(issue(&|it| (it.not_before, it.not_after) = (day(2090), day(2091)))), "is not valid yet"),
-            (Some(issue(&|it| it.extended_key_usages = vec![purpose.clone()])), "is not for clients"),
+            (
+                Some(Authority::new().client("scada", "operator")),
+                "not signed by an authority in `client_ca_file`",
+            ),
+            (
+                Some(issue(&|it| {
+                    (it.not_before, it.not_after) = (day(2019), day(2020))
+                })),
+                "has expired",
+            ),
+            (
+                Some(issue(&|it| {
+                    (it.not_before, it.not_after) = (day(2090), day(2091))
+                })),
+                "is not valid yet",
+            ),
+            (
+                Some(issue(&|it| it.extended_key_usages = vec![purpose.clone()])),
+                "is not for clients",
+            ),
             (
                 Some(issue(&|it| it.custom_extensions = vec![critical.clone()])),
                 "the role extension must not be critical",
             ),
-            (Some(issue(&|it| it.custom_extensions = vec![role("a"), role("b")])), "more than one role extension"),
-            (Some(issue(&|it| it.custom_extensions = vec![role_holding(b"a".to_vec())])), "exactly one UTF8String"),
-            (Some(secured.clients.issue(|_| {})), "its certificate has no subject"),
+            (
+                Some(issue(&|it| {
+                    it.custom_extensions = vec![role("a"), role("b")]
+                })),
+                "more than one role extension",
+            ),
+            (
+                Some(issue(&|it| {
+                    it.custom_extensions = vec![role_holding(b"a".to_vec())]
+                })),
+                "exactly one UTF8String",
+            ),
+            (
+                Some(secured.clients.issue(|_| {})),
+                "its certificate has no subject",
+            ),
         ] {
             for version in EVERY_VERSION {
-                let reason = secured.refusal(&secured.config(client.as_ref(), &[version])).await;
+                let reason = secured
+                    .refusal(&secured.config(client.as_ref(), &[version]))
+                    .await;
                 assert!(reason.contains(right), "{reason} / {right}");
             }
         }
@@ -259,7 +374,10 @@ fn handshakes_that_stall_hold_up_nobody_and_give_way() {
 #[test]
 fn a_client_in_the_middle_of_its_handshake_gives_way_as_any_other() {
     play(async |secured: Secured| {
-        secured.change(ListenerSettings { connections_max: Some(2), ..secured.settings.clone() });
+        secured.change(ListenerSettings {
+            connections_max: Some(2),
+            ..secured.settings.clone()
+        });
         let mut half = TcpStream::connect(secured.plant.address).await.unwrap();
         half.write_all(&[22, 3, 1, 2, 0, 1]).await.unwrap();
         while secured.server.handshakes.len() < 1 {
@@ -271,7 +389,10 @@ fn a_client_in_the_middle_of_its_handshake_gives_way_as_any_other() {
         assert_eq!(ask(&mut third, 101, &READ).await, [3, 2, 0, 1]);
         assert!(is_closed(&mut half).await, "it was silent for longest");
         assert_eq!(ask(&mut second, 101, &READ).await, [3, 2, 0, 1]);
-        assert_eq!((secured.totals.connections(), secured.totals.dismissed()), (2, 1));
+        assert_eq!(
+            (secured.totals.connections(), secured.totals.dismissed()),
+            (2, 1)
+        );
         assert_eq!(secured.server.handshakes.len(), 0);
     });
 }
@@ -288,7 +409,13 @@ fn a_handshake_ends_in_time() {
         }
         tokio::time::pause();
         assert!(is_closed(&mut stalled).await && is_closed(&mut half).await);
-        assert_eq!((secured.totals.handshakes_failed(), secured.server.handshakes.len()), (2, 0));
+        assert_eq!(
+            (
+                secured.totals.handshakes_failed(),
+                secured.server.handshakes.len()
+            ),
+            (2, 0)
+        );
     });
 }
 
@@ -313,8 +440,9 @@ fn a_client_that_reads_late_gets_everything_in_order() {
         let (mut source, mut sink) = tokio::io::split(stream);
         let ask = async {
             for first in (0..REQUESTS).step_by(100) {
-                let requests: Vec<(u16, u8, &[u8])> =
-                    (first..first + 100).map(|number| (number, 101, &[3, 0, 0, 0, 16][..])).collect();
+                let requests: Vec<(u16, u8, &[u8])> = (first..first + 100)
+                    .map(|number| (number, 101, &[3, 0, 0, 0, 16][..]))
+                    .collect();
                 send(&mut sink, &requests).await;
             }
         };
@@ -322,7 +450,10 @@ fn a_client_that_reads_late_gets_everything_in_order() {
             tokio::time::sleep(Duration::from_millis(200)).await;
             for number in 0..REQUESTS {
                 let (transaction, unit, pdu) = answer(&mut source).await;
-                assert_eq!((transaction, unit, &pdu[..4]), (number, 101, &[3, 32, 0, 1][..]));
+                assert_eq!(
+                    (transaction, unit, &pdu[..4]),
+                    (number, 101, &[3, 32, 0, 1][..])
+                );
             }
         };
         tokio::join!(ask, read);
@@ -332,7 +463,10 @@ fn a_client_that_reads_late_gets_everything_in_order() {
 #[test]
 fn a_request_right_after_the_handshake_is_answered() {
     play(async |secured: Secured| {
-        let config = secured.config(Some(&secured.clients.client("scada", "viewer")), &[&version::TLS13]);
+        let config = secured.config(
+            Some(&secured.clients.client("scada", "viewer")),
+            &[&version::TLS13],
+        );
         let mut session = ClientConnection::new(config, name()).unwrap();
         let mut stream = TcpStream::connect(secured.plant.address).await.unwrap();
         let mut buffer = [0; 4096];
@@ -391,7 +525,10 @@ fn who_came_with_tls_does_not_stay_without_and_the_other_way_round() {
     play(async |secured: Secured| {
         let mut stream = secured.client("scada", "operator").await;
         assert_eq!(ask(&mut stream, 101, &READ).await, [3, 2, 0, 1]);
-        secured.change(ListenerSettings { tls: None, ..secured.settings.clone() });
+        secured.change(ListenerSettings {
+            tls: None,
+            ..secured.settings.clone()
+        });
         assert!(is_closed(&mut stream).await);
         let mut plain = TcpStream::connect(secured.plant.address).await.unwrap();
         assert_eq!(ask(&mut plain, 101, &READ).await, [3, 2, 0, 1]);
@@ -421,7 +558,11 @@ fn files_that_cannot_be_used_are_named_all_at_once() {
         assert!(what.contains(&part), "{part} / {what}");
     }
     let foreign = files.write("foreign.key", &own.issue(|_| {}).key.serialize_pem());
-    let what = Security::read(&ListenerTls { key_file: foreign, ..tls.clone() }).unwrap_err();
+    let what = Security::read(&ListenerTls {
+        key_file: foreign,
+        ..tls.clone()
+    })
+    .unwrap_err();
     assert!(what.contains("it does not match the key"), "{what}");
     assert!(Security::read(&tls).is_ok());
 }

@@ -9,8 +9,8 @@ use rustls::pki_types::{CertificateDer, UnixTime};
 use rustls::server::danger::{ClientCertVerified, ClientCertVerifier};
 use rustls::server::{NoServerSessionStorage, WebPkiClientVerifier};
 use rustls::{
-    CertificateError, DigitallySignedStruct, DistinguishedName, Error, OtherError, RootCertStore, ServerConfig,
-    ServerConnection, SignatureScheme,
+    CertificateError, DigitallySignedStruct, DistinguishedName, Error, OtherError, RootCertStore,
+    ServerConfig, ServerConnection, SignatureScheme,
 };
 use std::sync::Arc;
 
@@ -30,28 +30,39 @@ impl Security {
     /// # Errors
     /// Everything that is wrong with them, as text.
     pub fn read(tls: &ListenerTls) -> Result<Self, String> {
-        let (chain, key, authorities) =
-            (certificates(&tls.cert_file), key(&tls.key_file), certificates(&tls.client_ca_file));
+        let (chain, key, authorities) = (
+            certificates(&tls.cert_file),
+            key(&tls.key_file),
+            certificates(&tls.client_ca_file),
+        );
         match (chain, key, authorities) {
             (Ok(chain), Ok(key), Ok(authorities)) => {
                 let verifier = Verifier::trusting(&authorities)
                     .map_err(|error| format!("{}: {error}", tls.client_ca_file.display()))?;
                 // The provider is named, so that it does not matter what other parts of the process install.
-                let mut config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
-                    .with_safe_default_protocol_versions()
-                    .map_err(|error| error.to_string())?
-                    .with_client_cert_verifier(Arc::new(verifier))
-                    .with_single_cert(chain, key)
-                    .map_err(|error| own(tls, &error))?;
+                let mut config =
+                    ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
+                        .with_safe_default_protocol_versions()
+                        .map_err(|error| error.to_string())?
+                        .with_client_cert_verifier(Arc::new(verifier))
+                        .with_single_cert(chain, key)
+                        .map_err(|error| own(tls, &error))?;
                 // A resumed session would skip the client's certificate, which may have expired since, or whose
                 // authority may no longer be trusted.
                 config.session_storage = Arc::new(NoServerSessionStorage {});
                 config.send_tls13_tickets = 0;
-                Ok(Self { config: Arc::new(config), authorities })
+                Ok(Self {
+                    config: Arc::new(config),
+                    authorities,
+                })
             }
             (chain, key, authorities) => {
                 let problems = [chain.err(), key.err(), authorities.err()];
-                let problems: Vec<_> = problems.into_iter().flatten().map(|problem| problem.to_string()).collect();
+                let problems: Vec<_> = problems
+                    .into_iter()
+                    .flatten()
+                    .map(|problem| problem.to_string())
+                    .collect();
                 Err(problems.join("; "))
             }
         }
@@ -74,7 +85,10 @@ impl Security {
 fn own(tls: &ListenerTls, error: &Error) -> String {
     let file = tls.cert_file.display();
     match error {
-        Error::InconsistentKeys(_) => format!("{file}: it does not match the key {}", tls.key_file.display()),
+        Error::InconsistentKeys(_) => format!(
+            "{file}: it does not match the key {}",
+            tls.key_file.display()
+        ),
         error => format!("{file}: {error}"),
     }
 }
@@ -87,9 +101,14 @@ impl Verifier {
     fn trusting(authorities: &[CertificateDer<'static>]) -> Result<Self, String> {
         let mut roots = RootCertStore::empty();
         for authority in authorities {
-            roots.add(authority.clone()).map_err(|error| error.to_string())?;
+            roots
+                .add(authority.clone())
+                .map_err(|error| error.to_string())?;
         }
-        let builder = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::new(ring::default_provider()));
+        let builder = WebPkiClientVerifier::builder_with_provider(
+            Arc::new(roots),
+            Arc::new(ring::default_provider()),
+        );
         builder.build().map(Self).map_err(|error| error.to_string())
     }
 }
@@ -109,7 +128,9 @@ impl ClientCertVerifier for Verifier {
         // Here and not later, so that the client is refused in the handshake.
         match Certificate::read(end_entity) {
             Ok(_) => Ok(verified),
-            Err(unusable) => Err(Error::InvalidCertificate(CertificateError::Other(OtherError(Arc::new(unusable))))),
+            Err(unusable) => Err(Error::InvalidCertificate(CertificateError::Other(
+                OtherError(Arc::new(unusable)),
+            ))),
         }
     }
 

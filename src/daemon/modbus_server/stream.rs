@@ -48,7 +48,10 @@ impl Stream {
     /// What the client may use.
     pub fn limits(&self) -> Limits {
         match self {
-            Self::Master(_, master) => Limits { read_within: master.answer_within, ..Limits::default() },
+            Self::Master(_, master) => Limits {
+                read_within: master.answer_within,
+                ..Limits::default()
+            },
             _ => Limits::default(),
         }
     }
@@ -82,7 +85,9 @@ impl Stream {
     pub fn flush(&self, machine: &mut Connection) -> io::Result<()> {
         match self {
             Self::Plain(socket) => write_output(machine, |bytes| socket.try_write(bytes)),
-            Self::Tool(socket) | Self::Master(socket, _) => write_output(machine, |bytes| socket.try_write(bytes)),
+            Self::Tool(socket) | Self::Master(socket, _) => {
+                write_output(machine, |bytes| socket.try_write(bytes))
+            }
             Self::Secured(secured) => secured.flush(machine),
         }
     }
@@ -118,7 +123,10 @@ impl Stream {
 }
 
 /// Writes as much of the output of `machine` as `try_write` takes.
-fn write_output(machine: &mut Connection, try_write: impl Fn(&[u8]) -> io::Result<usize>) -> io::Result<()> {
+fn write_output(
+    machine: &mut Connection,
+    try_write: impl Fn(&[u8]) -> io::Result<usize>,
+) -> io::Result<()> {
     while !machine.output().is_empty() {
         match try_write(machine.output()) {
             Ok(bytes) => machine.wrote(bytes),
@@ -132,7 +140,10 @@ fn write_output(machine: &mut Connection, try_write: impl Fn(&[u8]) -> io::Resul
 impl SecuredStream {
     /// A stream with a session that has not begun.
     pub fn new(socket: OwnedWriteHalf, session: ServerConnection) -> Self {
-        Self { socket, session: RefCell::new(session) }
+        Self {
+            socket,
+            session: RefCell::new(session),
+        }
     }
 
     /// Continues the handshake with received `bytes`, and sends the response as far as the socket takes it.
@@ -225,7 +236,9 @@ fn feed(session: &mut ServerConnection, bytes: &mut &[u8]) -> io::Result<()> {
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     let processed = session.process_new_packets();
-    processed.map(|_| ()).map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
+    processed
+        .map(|_| ())
+        .map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))
 }
 
 /// A socket whose writes do not block.

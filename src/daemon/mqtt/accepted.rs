@@ -26,17 +26,31 @@ const FILTERS_BYTES_MAX: usize = 400;
 impl Link {
     /// A connection that was accepted on these terms.
     pub fn new(sender: Sender, since: Instant, terms: Terms, alone_above: Option<usize>) -> Self {
-        Self { since, sender, window: Window::default(), terms, alone_above, unanswered: 0, granted: Vec::new() }
+        Self {
+            since,
+            sender,
+            window: Window::default(),
+            terms,
+            alone_above,
+            unanswered: 0,
+            granted: Vec::new(),
+        }
     }
 
     /// Whether another packet may be queued.
     pub fn has_room(&self) -> bool {
-        let waits = self.alone_above.is_some_and(|most| self.window.largest_given_bytes() > most);
+        let waits = self
+            .alone_above
+            .is_some_and(|most| self.window.largest_given_bytes() > most);
         self.window.has_room() && !waits
     }
 
     /// Queues a publication. Returns false if it cannot be sent and was dropped.
-    pub fn publish(&mut self, mut publication: Publication, counters: &Counters) -> Result<bool, NotQueued> {
+    pub fn publish(
+        &mut self,
+        mut publication: Publication,
+        counters: &Counters,
+    ) -> Result<bool, NotQueued> {
         if let Err(unfit) = self.sender.check(&publication, &self.terms) {
             count(&counters.dropped);
             let topic = &publication.topic;
@@ -74,7 +88,9 @@ impl Link {
         while rest.peek().is_some() {
             let mut bytes = 0;
             let mut part = Vec::new();
-            while let Some(filter) = rest.next_if(|it| part.is_empty() || bytes + it.path.len() <= FILTERS_BYTES_MAX) {
+            while let Some(filter) =
+                rest.next_if(|it| part.is_empty() || bytes + it.path.len() <= FILTERS_BYTES_MAX)
+            {
                 bytes += filter.path.len();
                 part.push(filter);
             }

@@ -44,12 +44,20 @@ pub struct BackOff {
 impl BackOff {
     /// Begins with the shortest waits.
     pub fn new(seed: u64) -> Self {
-        Self { away: FIRST, broken: FIRST, contested: CONTESTED_FIRST, random: fastrand::Rng::with_seed(seed) }
+        Self {
+            away: FIRST,
+            broken: FIRST,
+            contested: CONTESTED_FIRST,
+            random: fastrand::Rng::with_seed(seed),
+        }
     }
 
     /// The wait after a connection that ended so.
     pub fn wait_after(&mut self, ended: Ended) -> Duration {
-        let (Ended::Closed(life) | Ended::Broken(life) | Ended::Contested(life) | Ended::Suspected(life)) = ended
+        let (Ended::Closed(life)
+        | Ended::Broken(life)
+        | Ended::Contested(life)
+        | Ended::Suspected(life)) = ended
         else {
             // The absence of the broker explains the earlier ends.
             self.broken = FIRST;
@@ -92,14 +100,21 @@ mod tests {
         for millis in all_millis {
             let wait = back_off.wait_after(ended);
             let middle = Duration::from_millis(*millis);
-            assert!(wait >= middle * 3 / 4 && wait <= middle * 5 / 4, "{ended:?}: {wait:?} for {millis} ms");
+            assert!(
+                wait >= middle * 3 / 4 && wait <= middle * 5 / 4,
+                "{ended:?}: {wait:?} for {millis} ms"
+            );
         }
     }
 
     #[test]
     fn waits_double_up_to_a_limit_and_start_again_after_a_good_life() {
         let mut back_off = BackOff::new(1);
-        assert_waits(&mut back_off, Ended::Broken(SECOND * 4), &[200, 400, 800, 1600, 3000, 3000]);
+        assert_waits(
+            &mut back_off,
+            Ended::Broken(SECOND * 4),
+            &[200, 400, 800, 1600, 3000, 3000],
+        );
         assert_waits(&mut back_off, Ended::Broken(SECOND * 5), &[200]);
     }
 
@@ -130,9 +145,17 @@ mod tests {
     #[test]
     fn who_fights_for_the_identifier_waits_longer_until_a_connection_lived_for_a_minute() {
         let mut back_off = BackOff::new(3);
-        assert_waits(&mut back_off, Ended::Contested(SECOND), &[1000, 2000, 4000, 8000]);
+        assert_waits(
+            &mut back_off,
+            Ended::Contested(SECOND),
+            &[1000, 2000, 4000, 8000],
+        );
         assert_waits(&mut back_off, Ended::Away, &[200]);
-        assert_waits(&mut back_off, Ended::Contested(SECOND * 59), &[16_000, 30_000, 30_000]);
+        assert_waits(
+            &mut back_off,
+            Ended::Contested(SECOND * 59),
+            &[16_000, 30_000, 30_000],
+        );
         assert_waits(&mut back_off, Ended::Contested(SECOND * 60), &[1000]);
     }
 }

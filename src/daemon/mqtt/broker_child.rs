@@ -76,13 +76,17 @@ fn end(child: &mut Child) {
 fn announced(stdout: Option<ChildStdout>) -> io::Result<SocketAddr> {
     let stdout = stdout.ok_or_else(|| io::Error::other("the broker has no output"))?;
     let (sender, receiver) = mpsc::channel();
-    std::thread::Builder::new().name("broker-start".to_owned()).spawn(move || {
-        let mut line = String::new();
-        let read = BufReader::new(stdout).read_line(&mut line);
-        // The receiver is gone if it took too long.
-        let _ = sender.send(read.map(|_| line));
-    })?;
-    let line = receiver.recv_timeout(START_MAX).map_err(|_| io::Error::from(io::ErrorKind::TimedOut))??;
+    std::thread::Builder::new()
+        .name("broker-start".to_owned())
+        .spawn(move || {
+            let mut line = String::new();
+            let read = BufReader::new(stdout).read_line(&mut line);
+            // The receiver is gone if it took too long.
+            let _ = sender.send(read.map(|_| line));
+        })?;
+    let line = receiver
+        .recv_timeout(START_MAX)
+        .map_err(|_| io::Error::from(io::ErrorKind::TimedOut))??;
     address_in(&line).ok_or_else(|| io::Error::other("the broker did not start"))
 }
 
@@ -96,14 +100,18 @@ mod tests {
 
     #[test]
     fn the_first_line_tells_the_address() {
-        assert_eq!(address_in("listening on 127.0.0.1:1883\n"), "127.0.0.1:1883".parse().ok());
+        assert_eq!(
+            address_in("listening on 127.0.0.1:1883\n"),
+            "127.0.0.1:1883".parse().ok()
+        );
         assert_eq!(address_in("listening on\n"), None);
         assert_eq!(address_in(""), None);
     }
 
     #[test]
     fn a_child_that_says_nothing_and_ends_is_an_error() {
-        let nothing = BrokerChild::start_program(Path::new("/bin/true"), "127.0.0.1:0".parse().unwrap());
+        let nothing =
+            BrokerChild::start_program(Path::new("/bin/true"), "127.0.0.1:0".parse().unwrap());
         assert!(nothing.is_err());
     }
 }

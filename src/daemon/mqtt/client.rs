@@ -54,15 +54,27 @@ pub async fn converse<T: Protocol>(
     let turns = Turns::new(clock::now());
     let heard = Instant::now();
     let limit = PacketLimit::default();
-    let mut client =
-        Client { settings, talk, bell, counters, retry, limit, turns, heard, listens_until: None, link: None };
+    let mut client = Client {
+        settings,
+        talk,
+        bell,
+        counters,
+        retry,
+        limit,
+        turns,
+        heard,
+        listens_until: None,
+        link: None,
+    };
     let mut last_reason = String::new();
     loop {
         if client.stops_unwanted(stop.as_mut()).await {
             return;
         }
         let had = counters.connected.get();
-        let End::Broken(broken, life) = client.connection(stop.as_mut()).await else { return };
+        let End::Broken(broken, life) = client.connection(stop.as_mut()).await else {
+            return;
+        };
         count(&counters.broken);
         if broken.is_unsent && life.is_none() {
             talk.borrow_mut().unsent();
@@ -73,12 +85,22 @@ pub async fn converse<T: Protocol>(
         let next = client.retry.after(&broken, life);
         let reason = broken.reason;
         let wait = next.wait;
-        let ConnectionSettings { host, port, client_id, .. } = &client.settings;
+        let ConnectionSettings {
+            host,
+            port,
+            client_id,
+            ..
+        } = &client.settings;
         talk.borrow_mut().lost(&format!("{host}:{port}: {reason}"));
         if counters.connected.get() > had || reason != last_reason {
             tracing::warn!(client_id, reason, "no connection to the broker; retrying");
         } else {
-            tracing::debug!(client_id, reason, ?wait, "no connection to the broker; retrying");
+            tracing::debug!(
+                client_id,
+                reason,
+                ?wait,
+                "no connection to the broker; retrying"
+            );
         }
         client.counters.reason.replace(reason.clone());
         last_reason = reason;
@@ -86,7 +108,10 @@ pub async fn converse<T: Protocol>(
         if let Some(rival) = next.rival {
             client.contested(rival, wait);
         }
-        if let Outcome::Stopped = client.attend(pin!(tokio::time::sleep(wait)), None, stop.as_mut()).await {
+        if let Outcome::Stopped = client
+            .attend(pin!(tokio::time::sleep(wait)), None, stop.as_mut())
+            .await
+        {
             return;
         }
     }
@@ -143,14 +168,23 @@ impl<T: Protocol> Client<'_, T> {
                 return End::Stopped;
             }
         }
-        let tls = match self.attend(pin!(tls::read(self.settings.tls.clone())), None, stop.as_mut()).await {
+        let tls = match self
+            .attend(
+                pin!(tls::read(self.settings.tls.clone())),
+                None,
+                stop.as_mut(),
+            )
+            .await
+        {
             Outcome::Done(Ok(tls)) => tls,
             Outcome::Done(Err(reason)) => return End::Broken(Broken::unsent(reason), None),
             Outcome::Stopped => return End::Stopped,
             Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
                 return End::Broken(Broken::unsent(reason), None);
             }
-            Outcome::Overdue => return End::Broken(Broken::unsent("the TLS files cannot be read in time"), None),
+            Outcome::Overdue => {
+                return End::Broken(Broken::unsent("the TLS files cannot be read in time"), None);
+            }
         };
         let will = self.talk.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);
@@ -166,7 +200,12 @@ impl<T: Protocol> Client<'_, T> {
                 Outcome::Done(Ok(incident)) => incident,
                 Outcome::Done(Err(broken)) => return self.abandon(&mut events, broken),
                 Outcome::GivenUp(how) => return self.give_up(&mut events, how).await,
-                Outcome::Overdue => return self.abandon(&mut events, Broken::because("the broker stopped responding")),
+                Outcome::Overdue => {
+                    return self.abandon(
+                        &mut events,
+                        Broken::because("the broker stopped responding"),
+                    );
+                }
                 Outcome::Stopped => return self.farewell(&mut events).await,
             };
             if incident.is_heard() {
@@ -181,7 +220,9 @@ impl<T: Protocol> Client<'_, T> {
                 patience = self.patience(terms);
                 let since = Instant::now();
                 let alone_above = self.limit.alone_above();
-                self.link = sender.take().map(|sender| Link::new(sender, since, *terms, alone_above));
+                self.link = sender
+                    .take()
+                    .map(|sender| Link::new(sender, since, *terms, alone_above));
             }
             self.take(incident);
             self.settle();
@@ -193,7 +234,10 @@ impl<T: Protocol> Client<'_, T> {
 
     /// Longest silence of the broker: one and a half times the keep-alive, since each ping is answered.
     fn patience(&self, terms: &Terms) -> Duration {
-        let keep_alive = terms.keep_alive.filter(|span| !span.is_zero()).unwrap_or(self.settings.keep_alive());
+        let keep_alive = terms
+            .keep_alive
+            .filter(|span| !span.is_zero())
+            .unwrap_or(self.settings.keep_alive());
         keep_alive * 3 / 2
     }
 
@@ -207,7 +251,10 @@ impl<T: Protocol> Client<'_, T> {
     ) -> Outcome<F::Output> {
         loop {
             let overdue = patience.map_or_else(far, |patience| self.heard + patience);
-            let wake = self.next_wake().min(overdue).min(Instant::now() + LOOK_EVERY);
+            let wake = self
+                .next_wake()
+                .min(overdue)
+                .min(Instant::now() + LOOK_EVERY);
             // Unbiased, so that a flood of one kind does not starve the others.
             let done = tokio::select! {
                 output = future.as_mut() => Some(output),
@@ -218,7 +265,9 @@ impl<T: Protocol> Client<'_, T> {
             self.notice_stall();
             let done = match done {
                 // Readable data takes precedence over the time limit for it.
-                None if self.listens() => poll_fn(|cx| Poll::Ready(ready(future.as_mut().poll(cx)))).await,
+                None if self.listens() => {
+                    poll_fn(|cx| Poll::Ready(ready(future.as_mut().poll(cx)))).await
+                }
                 done => done,
             };
             if let Some(output) = done {
@@ -237,10 +286,15 @@ impl<T: Protocol> Client<'_, T> {
 
     /// After a stall of this process, received messages may be that old, and the silence was not the broker's.
     fn notice_stall(&mut self) {
-        let Some(stood) = self.turns.turn(clock::now()) else { return };
+        let Some(stood) = self.turns.turn(clock::now()) else {
+            return;
+        };
         self.heard = Instant::now();
         if self.link.is_some() {
-            tracing::debug!(?stood, "process was suspended; messages from the broker may be old");
+            tracing::debug!(
+                ?stood,
+                "process was suspended; messages from the broker may be old"
+            );
             self.listens_until = Some(self.heard + LISTEN_FIRST);
             self.tell(Event::Stalled(stood));
         }
@@ -248,15 +302,22 @@ impl<T: Protocol> Client<'_, T> {
 
     /// Whether nothing may be sent yet.
     fn listens(&self) -> bool {
-        self.listens_until.is_some_and(|until| Instant::now() < until + LISTEN_MAX)
+        self.listens_until
+            .is_some_and(|until| Instant::now() < until + LISTEN_MAX)
     }
 
     fn next_wake(&self) -> Instant {
         let wake = self.talk.borrow().next_wake();
         // Due packets cannot be sent before the broker has taken some, and stay due.
         let is_full = self.listens() || self.link.as_ref().is_some_and(|link| !link.has_room());
-        let least = if is_full { LOOK_WHILE_FULL } else { Duration::ZERO };
-        wake.map_or_else(far, |at| Instant::now() + at.since(clock::now()).clamp(least, LONG))
+        let least = if is_full {
+            LOOK_WHILE_FULL
+        } else {
+            Duration::ZERO
+        };
+        wake.map_or_else(far, |at| {
+            Instant::now() + at.since(clock::now()).clamp(least, LONG)
+        })
     }
 
     /// Queues what the talk has for the broker, as far as there is room. Returns how it gives up the connection, if it
@@ -282,7 +343,9 @@ impl<T: Protocol> Client<'_, T> {
                             return Some(GivenUp::Dropped(reason));
                         }
                         // It will never be acknowledged.
-                        Ok(false) => token.into_iter().for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
+                        Ok(false) => token
+                            .into_iter()
+                            .for_each(|it| self.tell(Event::Refused(it, Refusal::Never))),
                         Ok(true) => {}
                     }
                 }
@@ -298,18 +361,26 @@ impl<T: Protocol> Client<'_, T> {
         match incident {
             Incident::Connected(terms) => {
                 count(&self.counters.connected);
-                let ConnectionSettings { host, port, client_id, .. } = &self.settings;
+                let ConnectionSettings {
+                    host,
+                    port,
+                    client_id,
+                    ..
+                } = &self.settings;
                 tracing::info!(client_id, host, port, "connected to the broker");
                 self.tell(Event::Connected(terms.broker));
             }
             Incident::Subscribed(granted) => {
-                if let Some(granted) = self.link.as_mut().and_then(|link| link.subscribed(granted)) {
+                if let Some(granted) = self.link.as_mut().and_then(|link| link.subscribed(granted))
+                {
                     self.tell(Event::Subscribed(granted));
                 }
             }
             Incident::Message(message) => self.receive(&message),
             Incident::Acknowledged(identifier) => {
-                let settled = window.map(|window| window.settle(identifier)).unwrap_or_default();
+                let settled = window
+                    .map(|window| window.settle(identifier))
+                    .unwrap_or_default();
                 self.took(settled.taken_bytes);
                 if let Some(token) = settled.token {
                     self.tell(Event::Acknowledged(token));
@@ -317,7 +388,9 @@ impl<T: Protocol> Client<'_, T> {
             }
             Incident::Refused(identifier, refusal, reason) => {
                 count(&self.counters.refused);
-                let settled = window.map(|window| window.settle(identifier)).unwrap_or_default();
+                let settled = window
+                    .map(|window| window.settle(identifier))
+                    .unwrap_or_default();
                 self.took(settled.taken_bytes);
                 let token = settled.token;
                 tracing::warn!(reason, ?token, "broker refused a publication");
@@ -357,7 +430,9 @@ impl<T: Protocol> Client<'_, T> {
         if !broken.is_fresh && rest.iter().any(|it| matches!(it, Incident::Message(_))) {
             self.tell(Event::Stalled(Duration::MAX));
         }
-        rest.into_iter().filter(|it| !matches!(it, Incident::Connected(_))).for_each(|it| self.take(it));
+        rest.into_iter()
+            .filter(|it| !matches!(it, Incident::Connected(_)))
+            .for_each(|it| self.take(it));
         let broken = self.judged(broken);
         self.listens_until = None;
         if life.is_some() {

@@ -66,9 +66,22 @@ enum Turn<P: Protocol> {
 }
 
 impl<P: Protocol> Exchange<P> {
-    pub fn new(protocol: P, target: Target, requests: Receiver<P::Request>, keep_alive: Duration) -> Self {
+    pub fn new(
+        protocol: P,
+        target: Target,
+        requests: Receiver<P::Request>,
+        keep_alive: Duration,
+    ) -> Self {
         let ping_at = Instant::now() + keep_alive;
-        Self { protocol, target, requests, wire: None, keep_alive, ping_at, is_over: false }
+        Self {
+            protocol,
+            target,
+            requests,
+            wire: None,
+            keep_alive,
+            ping_at,
+            is_over: false,
+        }
     }
 
     /// Waits for the next incident. Cancel safe. After an error the connection is over.
@@ -142,7 +155,11 @@ impl<P: Protocol> Exchange<P> {
 
 /// Processes a packet and those that are already available. If the end of the stream follows, none is answered: writing
 /// could lose what is still unread.
-async fn take_batch<P: Protocol>(protocol: &mut P, wire: &mut Wire, first: P::Packet) -> Result<(), Broken> {
+async fn take_batch<P: Protocol>(
+    protocol: &mut P,
+    wire: &mut Wire,
+    first: P::Packet,
+) -> Result<(), Broken> {
     let mut packet = first;
     for count in 1.. {
         let answer = protocol.incoming(packet)?;
@@ -159,10 +176,19 @@ async fn take_batch<P: Protocol>(protocol: &mut P, wire: &mut Wire, first: P::Pa
     Ok(())
 }
 
-fn put<P: Protocol>(packet: Option<P::Packet>, protocol: &P, wire: &mut Wire) -> Result<(), Broken> {
+fn put<P: Protocol>(
+    packet: Option<P::Packet>,
+    protocol: &P,
+    wire: &mut Wire,
+) -> Result<(), Broken> {
     packet.map_or(Ok(()), |packet| wire.put(protocol, packet))
 }
 
 fn connect_overdue<P: Protocol>() -> Broken {
-    Broken { reason: P::CONNECT_OVERDUE.to_owned(), is_fresh: false, cause: Cause::Gone, is_unsent: false }
+    Broken {
+        reason: P::CONNECT_OVERDUE.to_owned(),
+        is_fresh: false,
+        cause: Cause::Gone,
+        is_unsent: false,
+    }
 }

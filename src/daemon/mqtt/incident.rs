@@ -40,7 +40,10 @@ pub enum Incident {
 impl Incident {
     /// Whether it proves that the broker is alive.
     pub const fn is_heard(&self) -> bool {
-        !matches!(self, Self::PublicationLeft(_) | Self::OtherLeft | Self::Nothing)
+        !matches!(
+            self,
+            Self::PublicationLeft(_) | Self::OtherLeft | Self::Nothing
+        )
     }
 }
 
@@ -57,8 +60,15 @@ pub struct Terms {
 
 impl Default for Terms {
     fn default() -> Self {
-        let broker = Broker { maximum_packet_bytes: None, retains: true };
-        Self { broker, packet_max: PACKET_MAX, keep_alive: None }
+        let broker = Broker {
+            maximum_packet_bytes: None,
+            retains: true,
+        };
+        Self {
+            broker,
+            packet_max: PACKET_MAX,
+            keep_alive: None,
+        }
     }
 }
 
@@ -117,12 +127,20 @@ pub enum Cause {
 impl Broken {
     /// Given up by this side.
     pub fn because(reason: impl Into<String>) -> Self {
-        Self { reason: reason.into(), is_fresh: false, cause: Cause::Other, is_unsent: false }
+        Self {
+            reason: reason.into(),
+            is_fresh: false,
+            cause: Cause::Other,
+            is_unsent: false,
+        }
     }
 
     /// The same before anything was sent.
     pub fn unsent(reason: impl Into<String>) -> Self {
-        Self { is_unsent: true, ..Self::because(reason) }
+        Self {
+            is_unsent: true,
+            ..Self::because(reason)
+        }
     }
 }
 
@@ -146,7 +164,10 @@ pub fn keep_alive_seconds(settings: &ConnectionSettings) -> u16 {
 
 /// Checks that a broker would accept these filters.
 pub fn check_filters(filters: &[Filter]) -> Result<(), NotQueued> {
-    let are_valid = !filters.is_empty() && filters.iter().all(|filter| rumqttc::valid_filter(&filter.path));
+    let are_valid = !filters.is_empty()
+        && filters
+            .iter()
+            .all(|filter| rumqttc::valid_filter(&filter.path));
     if are_valid { Ok(()) } else { Err(NotQueued) }
 }
 

@@ -35,8 +35,16 @@ pub enum Events {
 }
 
 /// Prepares a connection. It begins with the first [`Events::next`].
-pub fn open(settings: &ConnectionSettings, will: Publication, tls: Option<Arc<ClientConfig>>) -> (Sender, Events) {
-    let target = Target { host: settings.host.clone(), port: settings.port, tls };
+pub fn open(
+    settings: &ConnectionSettings,
+    will: Publication,
+    tls: Option<Arc<ClientConfig>>,
+) -> (Sender, Events) {
+    let target = Target {
+        host: settings.host.clone(),
+        port: settings.port,
+        tls,
+    };
     let keep_alive = settings.keep_alive();
     match settings.version {
         Version::V4 => {
@@ -62,7 +70,11 @@ impl Sender {
         if publication.topic.is_empty() || !rumqttc::valid_topic(&publication.topic) {
             return Err(Unfit::Topic);
         }
-        if self.packet_bytes(publication) > terms.packet_max { Err(Unfit::TooLarge) } else { Ok(()) }
+        if self.packet_bytes(publication) > terms.packet_max {
+            Err(Unfit::TooLarge)
+        } else {
+            Ok(())
+        }
     }
 
     /// Bytes of a publication on the wire.
@@ -119,11 +131,13 @@ impl Events {
 /// Catches a panic of the library: bytes from a broker must end no more than their connection.
 async fn guarded<F: Future>(future: F) -> Result<F::Output, Broken> {
     let mut future = pin!(future);
-    poll_fn(|cx| match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(cx))) {
-        Ok(Poll::Pending) => Poll::Pending,
-        Ok(Poll::Ready(output)) => Poll::Ready(Ok(output)),
-        Err(_) => Poll::Ready(Err(Broken::because("the client library panicked"))),
-    })
+    poll_fn(
+        |cx| match catch_unwind(AssertUnwindSafe(|| future.as_mut().poll(cx))) {
+            Ok(Poll::Pending) => Poll::Pending,
+            Ok(Poll::Ready(output)) => Poll::Ready(Ok(output)),
+            Err(_) => Poll::Ready(Err(Broken::because("the client library panicked"))),
+        },
+    )
     .await
 }
 

@@ -137,11 +137,20 @@ mod tests {
 
     /// A broker that takes packets of up to `limit` bytes, and a client that publishes `sizes` on every connection.
     /// Returns the connections until all is as the broker wants it, and what is sent then.
-    fn publish(known: &mut PacketLimit, limit: usize, sizes: &[usize], now: MonoTime) -> (u32, Vec<usize>) {
+    fn publish(
+        known: &mut PacketLimit,
+        limit: usize,
+        sizes: &[usize],
+        now: MonoTime,
+    ) -> (u32, Vec<usize>) {
         for connection in 1..100 {
             let mut terms = Terms::default();
             known.apply(&mut terms, now);
-            let sent: Vec<_> = sizes.iter().copied().filter(|bytes| *bytes <= terms.packet_max).collect();
+            let sent: Vec<_> = sizes
+                .iter()
+                .copied()
+                .filter(|bytes| *bytes <= terms.packet_max)
+                .collect();
             let refused = sent.iter().position(|bytes| *bytes > limit);
             let Some(refused) = refused else {
                 sent.iter().for_each(|bytes| known.taken(*bytes));
@@ -164,7 +173,10 @@ mod tests {
         let (connections, sent, known) = published(2_000, &sizes);
         assert_eq!(sent, [300, 900, 1_990, 700]);
         assert!(connections <= 6, "{connections}");
-        assert!(known.most.unwrap() >= 1_990 && known.most.unwrap() < 2_590, "{known:?}");
+        assert!(
+            known.most.unwrap() >= 1_990 && known.most.unwrap() < 2_590,
+            "{known:?}"
+        );
     }
 
     #[test]
@@ -174,7 +186,10 @@ mod tests {
         let mut known = known;
         for _ in 0..20 {
             let is_size = known.ended(Cause::Gone, 2_612, SOON, MonoTime::ZERO);
-            assert!(!is_size, "a broker that restarts now and then, after it took as much");
+            assert!(
+                !is_size,
+                "a broker that restarts now and then, after it took as much"
+            );
         }
         assert_eq!((known.most, known.alone_above()), (None, None));
     }
@@ -196,11 +211,18 @@ mod tests {
     fn small_packets_and_other_ends_are_never_suspected() {
         let mut known = PacketLimit::default();
         for _ in 0..10 {
-            assert!(!gone(&mut known, LEAST) && !known.ended(Cause::Other, 9_000, MOMENT, MonoTime::ZERO));
+            assert!(
+                !gone(&mut known, LEAST)
+                    && !known.ended(Cause::Other, 9_000, MOMENT, MonoTime::ZERO)
+            );
             assert!(!known.ended(Cause::TakenOver, 9_000, MOMENT, MonoTime::ZERO));
         }
         assert_eq!((known.most, known.alone_above()), (None, None));
-        let mut known = PacketLimit { is_doubted: true, most: Some(600), ..PacketLimit::default() };
+        let mut known = PacketLimit {
+            is_doubted: true,
+            most: Some(600),
+            ..PacketLimit::default()
+        };
         gone(&mut known, 600);
         assert_eq!(known.most, Some(LEAST));
     }
@@ -208,11 +230,17 @@ mod tests {
     #[test]
     fn a_broker_that_says_so_is_believed_at_once() {
         let mut known = PacketLimit::default();
-        assert!(known.ended(Cause::TooLarge, 3_000, MOMENT, MonoTime::ZERO), "one of those that were sent");
+        assert!(
+            known.ended(Cause::TooLarge, 3_000, MOMENT, MonoTime::ZERO),
+            "one of those that were sent"
+        );
         assert!(known.ended(Cause::TooLarge, 2_500, MOMENT, MonoTime::ZERO));
         let mut terms = Terms::default();
         known.apply(&mut terms, MonoTime::ZERO);
-        assert_eq!((terms.packet_max, terms.broker.maximum_packet_bytes), (2_499, Some(2_499)));
+        assert_eq!(
+            (terms.packet_max, terms.broker.maximum_packet_bytes),
+            (2_499, Some(2_499))
+        );
     }
 
     #[test]
@@ -240,12 +268,18 @@ mod tests {
     fn a_limit_is_tried_again_after_an_hour_and_costs_one_connection_if_it_is_real() {
         let sizes = [300, 2_612, 900];
         let (_, _, mut known) = published(2_000, &sizes);
-        let (connections, sent) = publish(&mut known, 2_000, &sizes, MonoTime::from_millis(HOUR - 1));
+        let (connections, sent) =
+            publish(&mut known, 2_000, &sizes, MonoTime::from_millis(HOUR - 1));
         assert_eq!((connections, sent.as_slice()), (1, [300, 900].as_slice()));
         let (connections, sent) = publish(&mut known, 2_000, &sizes, MonoTime::from_millis(HOUR));
         assert_eq!((connections, sent.as_slice()), (2, [300, 900].as_slice()));
-        let (connections, sent) = publish(&mut known, 100_000, &sizes, MonoTime::from_millis(2 * HOUR));
-        assert_eq!((connections, sent.as_slice()), (1, sizes.as_slice()), "an accident had taught it");
+        let (connections, sent) =
+            publish(&mut known, 100_000, &sizes, MonoTime::from_millis(2 * HOUR));
+        assert_eq!(
+            (connections, sent.as_slice()),
+            (1, sizes.as_slice()),
+            "an accident had taught it"
+        );
         assert_eq!(known.most, None);
     }
 }

@@ -6,7 +6,8 @@ use std::io;
 /// The broker does not accept our credentials.
 pub const CREDENTIALS: &str = "the broker refuses our user or password";
 /// The broker does not accept our client identifier.
-pub const CLIENT_ID: &str = "the broker refuses our client identifier; another one is set with `client_id` in [mqtt]";
+pub const CLIENT_ID: &str =
+    "the broker refuses our client identifier; another one is set with `client_id` in [mqtt]";
 
 /// The cause of an error of a stream that may be encrypted; `None` if its own text has to do.
 pub fn of_io(error: &io::Error) -> Option<String> {
@@ -52,17 +53,32 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_certificate_is_said_in_words() {
         let cases = [
-            (RustlsError::InvalidCertificate(Flaw::UnknownIssuer), "ca_file"),
+            (
+                RustlsError::InvalidCertificate(Flaw::UnknownIssuer),
+                "ca_file",
+            ),
             (RustlsError::InvalidCertificate(Flaw::Expired), "expired"),
             (RustlsError::InvalidCertificate(Flaw::NotValidYet), "clock"),
-            (RustlsError::InvalidCertificate(Flaw::NotValidForName), "another name"),
-            (RustlsError::AlertReceived(Alert::CertificateRequired), "require a client certificate"),
-            (RustlsError::AlertReceived(Alert::UnknownCA), "does not accept our certificate"),
+            (
+                RustlsError::InvalidCertificate(Flaw::NotValidForName),
+                "another name",
+            ),
+            (
+                RustlsError::AlertReceived(Alert::CertificateRequired),
+                "require a client certificate",
+            ),
+            (
+                RustlsError::AlertReceived(Alert::UnknownCA),
+                "does not accept our certificate",
+            ),
         ];
         for (error, part) in cases {
             let said = of_io(&io::Error::new(io::ErrorKind::InvalidData, error.clone())).unwrap();
             assert!(said.contains(part), "{error:?}: {said}");
         }
-        assert_eq!(of_io(&io::Error::from(io::ErrorKind::ConnectionRefused)), None);
+        assert_eq!(
+            of_io(&io::Error::from(io::ErrorKind::ConnectionRefused)),
+            None
+        );
     }
 }

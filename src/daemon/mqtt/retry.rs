@@ -47,24 +47,39 @@ pub struct Retry {
 impl Retry {
     /// Starts without connections.
     pub fn new(seed: u64) -> Self {
-        Self { back_off: BackOff::new(seed), short_lives: 0, rival: None }
+        Self {
+            back_off: BackOff::new(seed),
+            short_lives: 0,
+            rival: None,
+        }
     }
 
     /// Handles the end of a connection that lived for `life` after the broker had accepted it; `None` if it had not.
     pub fn after(&mut self, broken: &Broken, life: Option<Duration>) -> Next {
         let rival = life.and_then(|life| self.rival_behind(broken.cause, life));
         let ended = match (rival, life) {
-            (Some(_), _) if !self.may_be_restarts(rival) => Ended::Contested(life.unwrap_or_default()),
+            (Some(_), _) if !self.may_be_restarts(rival) => {
+                Ended::Contested(life.unwrap_or_default())
+            }
             (Some(_), _) => Ended::Suspected(life.unwrap_or_default()),
             (None, None) if broken.cause == Cause::Gone => Ended::Away,
-            (None, Some(life)) if matches!(broken.cause, Cause::Gone | Cause::TooLarge) => Ended::Closed(life),
+            (None, Some(life)) if matches!(broken.cause, Cause::Gone | Cause::TooLarge) => {
+                Ended::Closed(life)
+            }
             (None, _) => Ended::Broken(life.unwrap_or_default()),
         };
         if ended == Ended::Away {
             self.short_lives = 0;
         }
-        self.rival = if self.rival == Some(Rival::Told) { self.rival } else { rival.or(self.rival) };
-        Next { wait: self.back_off.wait_after(ended), rival }
+        self.rival = if self.rival == Some(Rival::Told) {
+            self.rival
+        } else {
+            rival.or(self.rival)
+        };
+        Next {
+            wait: self.back_off.wait_after(ended),
+            rival,
+        }
     }
 
     /// Whether what looks like `rival` may be a broker that has restarted a few times.
@@ -74,9 +89,17 @@ impl Retry {
 
     fn rival_behind(&mut self, cause: Cause, life: Duration) -> Option<Rival> {
         // Rivals that both wait take turns at longer intervals.
-        let short = if self.short_lives >= SHORT_LIVES { SETTLED_LIFE } else { SHORT_LIFE };
+        let short = if self.short_lives >= SHORT_LIVES {
+            SETTLED_LIFE
+        } else {
+            SHORT_LIFE
+        };
         let is_short = cause == Cause::Gone && life < short;
-        self.short_lives = if is_short { self.short_lives.saturating_add(1) } else { 0 };
+        self.short_lives = if is_short {
+            self.short_lives.saturating_add(1)
+        } else {
+            0
+        };
         match cause {
             Cause::TakenOver => Some(Rival::Told),
             _ => (self.short_lives >= SHORT_LIVES).then_some(Rival::Suspected),
@@ -85,7 +108,11 @@ impl Retry {
 
     /// Whether the present connection, which has lived for `life`, shows that a rival is gone. True once.
     pub fn is_settled(&mut self, life: Duration) -> bool {
-        let least = if self.may_be_restarts(self.rival) { UNSUSPECTED_LIFE } else { SETTLED_LIFE };
+        let least = if self.may_be_restarts(self.rival) {
+            UNSUSPECTED_LIFE
+        } else {
+            SETTLED_LIFE
+        };
         life >= least && self.rival.take().is_some()
     }
 }
@@ -97,7 +124,12 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
 
     fn broken(cause: Cause) -> Broken {
-        Broken { reason: String::new(), is_fresh: true, cause, is_unsent: false }
+        Broken {
+            reason: String::new(),
+            is_fresh: true,
+            cause,
+            is_unsent: false,
+        }
     }
 
     fn ends(retry: &mut Retry, cause: Cause, life: Option<u32>) -> Next {
@@ -115,7 +147,11 @@ mod tests {
             })
             .collect();
         assert!(waits[0] < SECOND * 2 && waits[5] > SECOND * 20, "{waits:?}");
-        assert!(!retry.is_settled(SECOND * 59) && retry.is_settled(SECOND * 60) && !retry.is_settled(SECOND * 61));
+        assert!(
+            !retry.is_settled(SECOND * 59)
+                && retry.is_settled(SECOND * 60)
+                && !retry.is_settled(SECOND * 61)
+        );
     }
 
     #[test]
@@ -123,26 +159,50 @@ mod tests {
         let mut retry = Retry::new(2);
         for _ in 1..SHORT_LIVES {
             let next = ends(&mut retry, Cause::Gone, Some(4));
-            assert!(next.rival.is_none() && next.wait < SECOND, "the broker may be starting again: {next:?}");
+            assert!(
+                next.rival.is_none() && next.wait < SECOND,
+                "the broker may be starting again: {next:?}"
+            );
         }
-        assert_eq!(ends(&mut retry, Cause::Gone, Some(0)).rival, Some(Rival::Suspected));
-        assert_eq!(ends(&mut retry, Cause::Gone, Some(59)).rival, Some(Rival::Suspected), "they take turns");
+        assert_eq!(
+            ends(&mut retry, Cause::Gone, Some(0)).rival,
+            Some(Rival::Suspected)
+        );
+        assert_eq!(
+            ends(&mut retry, Cause::Gone, Some(59)).rival,
+            Some(Rival::Suspected),
+            "they take turns"
+        );
         assert_eq!(ends(&mut retry, Cause::Gone, Some(60)).rival, None);
-        assert_eq!(ends(&mut retry, Cause::Gone, Some(4)).rival, None, "counted from the start");
+        assert_eq!(
+            ends(&mut retry, Cause::Gone, Some(4)).rival,
+            None,
+            "counted from the start"
+        );
     }
 
     #[test]
     fn a_broker_that_starts_again_twelve_times_is_no_rival_five_seconds_later() {
         for seed in 0..1_000 {
             let mut retry = Retry::new(seed);
-            let mut last = Next { wait: Duration::ZERO, rival: None };
+            let mut last = Next {
+                wait: Duration::ZERO,
+                rival: None,
+            };
             for restart in 0..12_u32 {
                 let life = Duration::from_millis(u64::from(restart) * 173 % 1_500);
                 last = retry.after(&broken(Cause::Gone), Some(life));
             }
-            assert_eq!(last.rival, Some(Rival::Suspected), "nothing tells it from one");
+            assert_eq!(
+                last.rival,
+                Some(Rival::Suspected),
+                "nothing tells it from one"
+            );
             let until = SECOND * 5 - last.wait;
-            assert!(retry.is_settled(until) && !retry.is_settled(until), "{seed}: {last:?}");
+            assert!(
+                retry.is_settled(until) && !retry.is_settled(until),
+                "{seed}: {last:?}"
+            );
         }
     }
 
@@ -153,7 +213,10 @@ mod tests {
         for _ in 0..SHORT_LIVES {
             ends(&mut retry, Cause::Gone, Some(1));
         }
-        assert!(!retry.is_settled(SECOND * 59), "short lives speak for it as well");
+        assert!(
+            !retry.is_settled(SECOND * 59),
+            "short lives speak for it as well"
+        );
         assert!(retry.is_settled(SECOND * 60));
     }
 

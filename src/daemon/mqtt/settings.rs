@@ -57,7 +57,10 @@ impl ConnectionSettings {
     pub fn at_next_place(mut self) -> Self {
         if !self.also_at.is_empty() {
             let (host, port) = self.also_at.remove(0);
-            self.also_at.push((std::mem::replace(&mut self.host, host), std::mem::replace(&mut self.port, port)));
+            self.also_at.push((
+                std::mem::replace(&mut self.host, host),
+                std::mem::replace(&mut self.port, port),
+            ));
         }
         self
     }
@@ -118,16 +121,27 @@ mod tests {
     #[test]
     fn places_of_a_broker_take_turns() {
         let also_at = vec![("second".to_owned(), 2883), ("third".to_owned(), 3883)];
-        let mut settings = ConnectionSettings { also_at, ..settings() };
+        let mut settings = ConnectionSettings {
+            also_at,
+            ..settings()
+        };
         let turns: Vec<_> = (0..4)
             .map(|_| {
                 settings = settings.clone().at_next_place();
                 (settings.host.clone(), settings.port)
             })
             .collect();
-        let expected = [("second", 2883), ("third", 3883), ("broker", 1883), ("second", 2883)];
+        let expected = [
+            ("second", 2883),
+            ("third", 3883),
+            ("broker", 1883),
+            ("second", 2883),
+        ];
         assert_eq!(turns, expected.map(|(host, port)| (host.to_owned(), port)));
-        let alone = ConnectionSettings { also_at: Vec::new(), ..settings };
+        let alone = ConnectionSettings {
+            also_at: Vec::new(),
+            ..settings
+        };
         assert_eq!(alone.clone().at_next_place(), alone);
     }
 
@@ -135,6 +149,9 @@ mod tests {
     fn a_password_is_never_shown() {
         let settings = settings();
         assert!(!format!("{settings:?}").contains("hunter2"));
-        assert_eq!(settings.password.as_ref().map(Secret::expose), Some("hunter2"));
+        assert_eq!(
+            settings.password.as_ref().map(Secret::expose),
+            Some("hunter2")
+        );
     }
 }

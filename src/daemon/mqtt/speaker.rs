@@ -48,12 +48,28 @@ impl Speaker {
         at: Moment,
     ) -> Self {
         let shared = current.get();
-        let mut session = Session::new(settings, drives_of(&shared), lines_of(&shared), at, random::secret());
+        let mut session = Session::new(
+            settings,
+            drives_of(&shared),
+            lines_of(&shared),
+            at,
+            random::secret(),
+        );
         session.count_tickets_from(first_ticket);
         let views = Vec::new();
         let lines = Vec::new();
         let batch = Vec::new();
-        Self { session, current, shared, news, totals, journal, views, lines, batch }
+        Self {
+            session,
+            current,
+            shared,
+            news,
+            totals,
+            journal,
+            views,
+            lines,
+            batch,
+        }
     }
 
     /// Processes the answers of the lines.
@@ -77,7 +93,8 @@ impl Speaker {
         }
         self.take_news(at);
         self.shared = self.current.get();
-        self.session.replace(at, drives_of(&self.shared), lines_of(&self.shared));
+        self.session
+            .replace(at, drives_of(&self.shared), lines_of(&self.shared));
         self.look_at_views();
     }
 
@@ -89,14 +106,20 @@ impl Speaker {
 
     fn look_at_views(&mut self) {
         self.views.clear();
-        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
+        self.views.extend(
+            self.shared
+                .drives
+                .iter()
+                .map(|drive| drive.view.load_full()),
+        );
         self.lines.clear();
         let line = |(place, line): (usize, &Arc<SharedLine>)| LineState {
             name: line.name.clone(),
             report: line.report(),
             stations: self.shared.stations(place).collect(),
         };
-        self.lines.extend(self.shared.lines.iter().enumerate().map(line));
+        self.lines
+            .extend(self.shared.lines.iter().enumerate().map(line));
     }
 
     /// Among several gateways of the name, a message is for the one that is active now.
@@ -142,17 +165,32 @@ impl Speaker {
     }
 
     fn count(&mut self, at: Moment) {
-        while let Some(Oversized { topic, bytes, limit }) = self.session.next_oversized() {
-            tracing::warn!(topic, bytes, limit, "publication is larger than the broker takes; it is not published");
+        while let Some(Oversized {
+            topic,
+            bytes,
+            limit,
+        }) = self.session.next_oversized()
+        {
+            tracing::warn!(
+                topic,
+                bytes,
+                limit,
+                "publication is larger than the broker takes; it is not published"
+            );
         }
         self.totals.set_oversized(self.session.oversized());
         self.totals.set_clients_gone(self.session.clients_gone());
-        self.totals.set(self.session.is_path_alive(at), &self.session.counters());
+        self.totals
+            .set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
 
 fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
-    shared.drives.iter().map(|drive| drive.description.clone()).collect()
+    shared
+        .drives
+        .iter()
+        .map(|drive| drive.description.clone())
+        .collect()
 }
 
 fn lines_of(shared: &Shared) -> Vec<Name> {
@@ -178,7 +216,9 @@ impl Protocol for Speaker {
                 topic,
                 "alive topic says that the clients of the broker are offline; what MQTT holds is given up after `lost_after`"
             ),
-            None if were_gone => tracing::info!("clients of the broker are online again by the alive topic"),
+            None if were_gone => {
+                tracing::info!("clients of the broker are online again by the alive topic")
+            }
             _ => {}
         }
         if self.session.counters().events_refused > given_up {
@@ -201,7 +241,10 @@ impl Protocol for Speaker {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        [self.session.next_wake(), self.news.next_release()].into_iter().flatten().min()
+        [self.session.next_wake(), self.news.next_release()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {

@@ -28,12 +28,20 @@ pub struct Target {
 /// Connects. The caller limits the time.
 pub async fn connect(target: &Target) -> Result<Box<dyn Stream>, Broken> {
     let tcp = connect_tcp(target).await.map_err(|error| of_tcp(&error))?;
-    let Some(config) = &target.tls else { return Ok(Box::new(tcp)) };
-    let name = ServerName::try_from(target.host.clone())
-        .map_err(|_| of_tls("TLS: the broker's name is neither a DNS name nor an address".to_owned()))?;
-    match TlsConnector::from(Arc::clone(config)).connect(name, tcp).await {
+    let Some(config) = &target.tls else {
+        return Ok(Box::new(tcp));
+    };
+    let name = ServerName::try_from(target.host.clone()).map_err(|_| {
+        of_tls("TLS: the broker's name is neither a DNS name nor an address".to_owned())
+    })?;
+    match TlsConnector::from(Arc::clone(config))
+        .connect(name, tcp)
+        .await
+    {
         Ok(stream) => Ok(Box::new(stream)),
-        Err(error) => Err(of_tls(reason::of_io(&error).unwrap_or_else(|| format!("TLS: {error}")))),
+        Err(error) => Err(of_tls(
+            reason::of_io(&error).unwrap_or_else(|| format!("TLS: {error}")),
+        )),
     }
 }
 
@@ -57,10 +65,20 @@ async fn connect_tcp(target: &Target) -> Result<TcpStream, Error> {
 fn of_tcp(error: &Error) -> Broken {
     // An established connection is reset or closed; only an attempt can be refused.
     let is_unsent = error.kind() == ErrorKind::ConnectionRefused;
-    Broken { reason: error.to_string(), is_fresh: false, cause: Cause::Gone, is_unsent }
+    Broken {
+        reason: error.to_string(),
+        is_fresh: false,
+        cause: Cause::Gone,
+        is_unsent,
+    }
 }
 
 /// A failure before CONNECT, which follows the handshake.
 const fn of_tls(reason: String) -> Broken {
-    Broken { reason, is_fresh: true, cause: Cause::Other, is_unsent: true }
+    Broken {
+        reason,
+        is_fresh: true,
+        cause: Cause::Other,
+        is_unsent: true,
+    }
 }

@@ -47,7 +47,10 @@ impl Stub {
 
     /// Listens on the address of an earlier stub.
     pub async fn at(address: SocketAddr, version: Version) -> Self {
-        Self { listener: TcpListener::bind(address).await.unwrap(), version }
+        Self {
+            listener: TcpListener::bind(address).await.unwrap(),
+            version,
+        }
     }
 
     pub fn address(&self) -> SocketAddr {
@@ -57,7 +60,10 @@ impl Stub {
     /// Accepts a connection and sends nothing.
     pub async fn accept(&self) -> Peer {
         let (stream, _) = self.listener.accept().await.unwrap();
-        Peer { stream, version: self.version }
+        Peer {
+            stream,
+            version: self.version,
+        }
     }
 
     /// Accepts a connection, reads CONNECT and answers it.
@@ -96,13 +102,20 @@ impl Peer {
         }
         let mut body = vec![0; length];
         self.stream.read_exact(&mut body).await.ok()?;
-        Some(Frame { kind: first >> 4, flags: first & 0x0F, body })
+        Some(Frame {
+            kind: first >> 4,
+            flags: first & 0x0F,
+            body,
+        })
     }
 
     /// Skips packets up to one of this kind.
     pub async fn expect(&mut self, kind: u8) -> Frame {
         loop {
-            let frame = self.read().await.expect("the client has closed the connection");
+            let frame = self
+                .read()
+                .await
+                .expect("the client has closed the connection");
             if frame.kind == kind {
                 return frame;
             }
@@ -123,7 +136,12 @@ impl Peer {
         if self.version == Version::V5 {
             rest = &rest[1 + usize::from(rest[0])..];
         }
-        Published { topic, identifier, payload: rest.to_vec(), retain: flags & 1 != 0 }
+        Published {
+            topic,
+            identifier,
+            payload: rest.to_vec(),
+            retain: flags & 1 != 0,
+        }
     }
 
     /// Publishes at quality of service 0.

@@ -100,9 +100,17 @@ impl Protocol for Script {
     }
 
     fn next_packet(&mut self, _at: Moment) -> Option<Packet> {
-        let connected = self.told.iter().rev().find(|told| matches!(told, Outcome::Connected(_) | Outcome::Lost));
-        let flood = self.flood.filter(|_| matches!(connected, Some(Outcome::Connected(_))));
-        self.packets.pop_front().or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
+        let connected = self
+            .told
+            .iter()
+            .rev()
+            .find(|told| matches!(told, Outcome::Connected(_) | Outcome::Lost));
+        let flood = self
+            .flood
+            .filter(|_| matches!(connected, Some(Outcome::Connected(_))));
+        self.packets
+            .pop_front()
+            .or_else(|| flood.map(|bytes| Packet::Publish(text("flood", &"x".repeat(bytes)))))
     }
 
     fn contested(&mut self, rival: Option<Rival>) {
@@ -129,7 +137,13 @@ struct Rig {
 
 impl Rig {
     fn greeting(packets: Vec<Packet>) -> Self {
-        Self { talk: RefCell::new(Script { greeting: packets, ..Script::default() }), ..Self::default() }
+        Self {
+            talk: RefCell::new(Script {
+                greeting: packets,
+                ..Script::default()
+            }),
+            ..Self::default()
+        }
     }
 
     /// Runs the client until `broker` is done.
@@ -137,7 +151,12 @@ impl Rig {
         self.run_at(stub.address(), version, broker).await
     }
 
-    async fn run_at<O>(&self, address: SocketAddr, version: Version, broker: impl Future<Output = O>) -> O {
+    async fn run_at<O>(
+        &self,
+        address: SocketAddr,
+        version: Version,
+        broker: impl Future<Output = O>,
+    ) -> O {
         tokio::select! {
             () = converse(settings(address, version), &self.talk, &self.bell, &self.counters, self.stop.notified()) => panic!("ended"),
             output = broker => output,
@@ -155,7 +174,9 @@ impl Rig {
                 sleep(Duration::from_millis(1)).await;
             }
         };
-        timeout(Duration::from_secs(5), enough).await.unwrap_or_else(|_| panic!("only {:?}", self.told()));
+        timeout(Duration::from_secs(5), enough)
+            .await
+            .unwrap_or_else(|_| panic!("only {:?}", self.told()));
         self.told()
     }
 
@@ -193,14 +214,29 @@ fn text(topic: &str, payload: &str) -> Publication {
 }
 
 fn with_token(token: u64) -> Packet {
-    Packet::Publish(Publication { qos: Qos::AtLeastOnce, token: Some(token), ..text("record", &token.to_string()) })
+    Packet::Publish(Publication {
+        qos: Qos::AtLeastOnce,
+        token: Some(token),
+        ..text("record", &token.to_string())
+    })
 }
 
 fn acknowledged(told: &[Outcome]) -> Vec<u64> {
-    told.iter().filter_map(|told| if let Outcome::Acknowledged(token) = told { Some(*token) } else { None }).collect()
+    told.iter()
+        .filter_map(|told| {
+            if let Outcome::Acknowledged(token) = told {
+                Some(*token)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
-const ANY: Broker = Broker { maximum_packet_bytes: None, retains: true };
+const ANY: Broker = Broker {
+    maximum_packet_bytes: None,
+    retains: true,
+};
 
 #[tokio::test(start_paused = true)]
 async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
@@ -215,16 +251,28 @@ async fn a_broker_that_never_answers_connect_is_given_up_in_time() {
             begun.elapsed()
         });
         let waited = waited.await;
-        assert!(waited > Duration::from_secs(4) && waited < Duration::from_secs(6), "{version:?}: {waited:?}");
-        assert!(rig.told().is_empty(), "{version:?}: who was never connected has lost nothing");
+        assert!(
+            waited > Duration::from_secs(4) && waited < Duration::from_secs(6),
+            "{version:?}: {waited:?}"
+        );
+        assert!(
+            rig.told().is_empty(),
+            "{version:?}: who was never connected has lost nothing"
+        );
     }
 }
 
 #[tokio::test]
 async fn an_attempt_that_ends_before_connect_is_reported_as_unsent() {
     let rig = Rig::default();
-    let tls = TlsSettings { ca_file: Some("/no/such/authority.pem".into()), ..TlsSettings::default() };
-    let settings = ConnectionSettings { tls: Some(tls), ..settings("127.0.0.1:1".parse().unwrap(), Version::V5) };
+    let tls = TlsSettings {
+        ca_file: Some("/no/such/authority.pem".into()),
+        ..TlsSettings::default()
+    };
+    let settings = ConnectionSettings {
+        tls: Some(tls),
+        ..settings("127.0.0.1:1".parse().unwrap(), Version::V5)
+    };
     let twice = async {
         while rig.talk.borrow().unsent < 2 {
             sleep(Duration::from_millis(1)).await;
@@ -250,8 +298,15 @@ async fn a_broker_that_stops_reading_is_given_up_in_time() {
             begun.elapsed()
         });
         let waited = waited.await;
-        assert!(waited > Duration::from_secs(4) && waited < Duration::from_secs(9), "{version:?}: {waited:?}");
-        assert_eq!(rig.told(), [Outcome::Connected(ANY), Outcome::Lost], "{version:?}");
+        assert!(
+            waited > Duration::from_secs(4) && waited < Duration::from_secs(9),
+            "{version:?}: {waited:?}"
+        );
+        assert_eq!(
+            rig.told(),
+            [Outcome::Connected(ANY), Outcome::Lost],
+            "{version:?}"
+        );
     }
 }
 
@@ -267,7 +322,10 @@ async fn a_broker_that_answers_no_ping_is_given_up_in_time() {
             begun.elapsed()
         });
         let waited = waited.await;
-        assert!(waited > Duration::from_secs(7) && waited < Duration::from_secs(8), "{version:?}: {waited:?}");
+        assert!(
+            waited > Duration::from_secs(7) && waited < Duration::from_secs(8),
+            "{version:?}: {waited:?}"
+        );
     }
 }
 
@@ -286,16 +344,28 @@ async fn a_message_above_the_limit_does_not_make_the_client_spin() {
                 while peer.read().await.is_some() {}
             }
         };
-        let attacked = rig.run(&stub, version, timeout(Duration::from_secs(60), attack)).await;
+        let attacked = rig
+            .run(&stub, version, timeout(Duration::from_secs(60), attack))
+            .await;
         assert!(attacked.is_err());
         // 0.2, 0.4, ... 1.6 s make 3 s; then every 3 s, give or take a quarter.
-        assert!((16..=30).contains(&connections), "{version:?}: {connections} in a minute");
+        assert!(
+            (16..=30).contains(&connections),
+            "{version:?}: {connections} in a minute"
+        );
         assert_eq!(rig.counters.received.get(), 0);
     }
 }
 
 fn filters(paths: &[&str]) -> Vec<Filter> {
-    paths.iter().map(|path| Filter { path: (*path).to_owned(), qos: Qos::AtLeastOnce, wants_retained: false }).collect()
+    paths
+        .iter()
+        .map(|path| Filter {
+            path: (*path).to_owned(),
+            qos: Qos::AtLeastOnce,
+            wants_retained: false,
+        })
+        .collect()
 }
 
 #[tokio::test]
@@ -308,7 +378,9 @@ async fn a_large_message_below_the_limit_arrives() {
             peer.publish("large", &vec![7; 200_000], &[]).await;
             rig.told_at_least(2).await
         });
-        let Some(Outcome::Message(message)) = told.await.pop() else { panic!("no message") };
+        let Some(Outcome::Message(message)) = told.await.pop() else {
+            panic!("no message")
+        };
         assert_eq!(message.payload.len(), 200_000);
     }
 }
@@ -325,7 +397,10 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         [3, 0, 1, b'x'].repeat(2),
         [expiry.as_slice(), &[9, 0, 0], &expiry].concat(),
     ];
-    for properties in twice.into_iter().chain([alias(0), alias(1), [alias(1), alias(2)].concat()]) {
+    for properties in twice
+        .into_iter()
+        .chain([alias(0), alias(1), [alias(1), alias(2)].concat()])
+    {
         let stub = Stub::new(Version::V5).await;
         let rig = Rig::default();
         rig.run(&stub, Version::V5, async {
@@ -339,8 +414,20 @@ async fn a_message_against_the_protocol_ends_the_connection_and_is_not_handed_ov
         let told = rig.told();
         // How long messages right after it have waited is unknown, if they are handed over at all.
         let believed = told.iter().take_while(|it| **it != Outcome::Stalled);
-        assert_eq!(believed.filter(|it| matches!(it, Outcome::Message(_))).count(), 0, "{properties:?}: {told:?}");
-        assert!(told.iter().filter(|it| matches!(it, Outcome::Message(_))).count() <= 1, "{properties:?}: {told:?}");
+        assert_eq!(
+            believed
+                .filter(|it| matches!(it, Outcome::Message(_)))
+                .count(),
+            0,
+            "{properties:?}: {told:?}"
+        );
+        assert!(
+            told.iter()
+                .filter(|it| matches!(it, Outcome::Message(_)))
+                .count()
+                <= 1,
+            "{properties:?}: {told:?}"
+        );
         assert!(told.contains(&Outcome::Lost), "{properties:?}: {told:?}");
     }
 }
@@ -357,9 +444,12 @@ async fn a_message_with_every_property_once_is_handed_over() {
         &[0x26, 0, 1, b'k', 0, 1, b'v', 0x26, 0, 1, b'k', 0, 0],
         &[0x0B, 0x80, 0x01, 0x0B, 5],
     ];
-    for (properties, payload) in
-        [(all.concat(), &b"forward"[..]), (all.concat(), b""), (Vec::new(), b""), (vec![1, 0], b"x")]
-    {
+    for (properties, payload) in [
+        (all.concat(), &b"forward"[..]),
+        (all.concat(), b""),
+        (Vec::new(), b""),
+        (vec![1, 0], b"x"),
+    ] {
         let stub = Stub::new(Version::V5).await;
         let rig = Rig::default();
         let told = rig.run(&stub, Version::V5, async {
@@ -367,7 +457,9 @@ async fn a_message_with_every_property_once_is_handed_over() {
             peer.publish("run", payload, &properties).await;
             rig.told_at_least(2).await
         });
-        let Some(Outcome::Message(message)) = told.await.pop() else { panic!("no message for {properties:?}") };
+        let Some(Outcome::Message(message)) = told.await.pop() else {
+            panic!("no message for {properties:?}")
+        };
         assert_eq!(message.payload, payload);
     }
 }
@@ -432,13 +524,18 @@ async fn a_refused_filter_is_reported_in_its_place() {
                 (*subscribe.body.last().unwrap(), rig.told_at_least(2).await)
             })
             .await;
-        assert_eq!(told[1], Outcome::Subscribed(vec![true, false]), "{version:?}");
+        assert_eq!(
+            told[1],
+            Outcome::Subscribed(vec![true, false]),
+            "{version:?}"
+        );
         assert_eq!(options, options_of(version), "{version:?}");
     }
 }
 
 #[tokio::test]
-async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confused_with_what_comes_after() {
+async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confused_with_what_comes_after()
+ {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![with_token(7)]);
@@ -450,12 +547,23 @@ async fn what_was_not_acknowledged_before_the_cut_is_not_reported_and_not_confus
             rig.talk.borrow_mut().greeting = vec![with_token(8)];
             let mut peer = stub.welcome().await;
             let next = peer.published().await;
-            assert_eq!(next.payload, b"8", "nothing of the old connection is sent on the new one");
-            assert_eq!(next.identifier, cut.identifier, "the same identifier, for this test to mean something");
+            assert_eq!(
+                next.payload, b"8",
+                "nothing of the old connection is sent on the new one"
+            );
+            assert_eq!(
+                next.identifier, cut.identifier,
+                "the same identifier, for this test to mean something"
+            );
             peer.acknowledge(next.identifier).await;
             rig.told_at_least(4).await
         });
-        let expected = [Outcome::Connected(ANY), Outcome::Lost, Outcome::Connected(ANY), Outcome::Acknowledged(8)];
+        let expected = [
+            Outcome::Connected(ANY),
+            Outcome::Lost,
+            Outcome::Connected(ANY),
+            Outcome::Acknowledged(8),
+        ];
         assert_eq!(told.await, expected, "{version:?}");
     }
 }
@@ -470,7 +578,13 @@ async fn each_connection_has_a_fresh_will() {
                 let mut peer = stub.accept().await;
                 let connect = peer.expect(CONNECT).await;
                 let will = format!("will {count}");
-                assert!(connect.body.windows(will.len()).any(|part| part == will.as_bytes()), "{version:?}: {will}");
+                assert!(
+                    connect
+                        .body
+                        .windows(will.len())
+                        .any(|part| part == will.as_bytes()),
+                    "{version:?}: {will}"
+                );
             }
         })
         .await;
@@ -488,8 +602,15 @@ async fn a_stop_sent_just_before_the_broker_dies_is_handed_over() {
             drop(peer);
             rig.told_at_least(3).await
         });
-        let message = Outcome::Message(Text { topic: "stop".to_owned(), ..Text::default() });
-        assert_eq!(told.await, [Outcome::Connected(ANY), message, Outcome::Lost], "{version:?}");
+        let message = Outcome::Message(Text {
+            topic: "stop".to_owned(),
+            ..Text::default()
+        });
+        assert_eq!(
+            told.await,
+            [Outcome::Connected(ANY), message, Outcome::Lost],
+            "{version:?}"
+        );
     }
 }
 
@@ -498,7 +619,12 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let message = |topic: &str| Outcome::Message(Text { topic: topic.to_owned(), ..Text::default() });
+        let message = |topic: &str| {
+            Outcome::Message(Text {
+                topic: topic.to_owned(),
+                ..Text::default()
+            })
+        };
         rig.run(&stub, version, async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -511,7 +637,11 @@ async fn what_came_during_a_stall_is_handed_over_as_what_may_have_waited() {
                 "{version:?}"
             );
             peer.publish("stop", b"", &[]).await;
-            assert_eq!(rig.told_at_least(4).await[3], message("stop"), "{version:?}: told once");
+            assert_eq!(
+                rig.told_at_least(4).await[3],
+                message("stop"),
+                "{version:?}: told once"
+            );
         })
         .await;
     }
@@ -524,7 +654,14 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
         let rig = Rig::default();
         rig.talk.borrow_mut().farewell = vec![text("status", "offline")];
         let talk = async {
-            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified()).await;
+            converse(
+                settings(stub.address(), version),
+                &rig.talk,
+                &rig.bell,
+                &rig.counters,
+                rig.stop.notified(),
+            )
+            .await;
         };
         let broker = async {
             let mut peer = stub.welcome().await;
@@ -532,11 +669,22 @@ async fn a_stop_that_comes_beside_the_last_words_is_handed_over() {
             rig.stop.notify_one();
             peer.published().await;
             peer.publish("stop", b"", &[]).await;
-            while peer.read().await.is_some_and(|frame| frame.kind != DISCONNECT) {}
+            while peer
+                .read()
+                .await
+                .is_some_and(|frame| frame.kind != DISCONNECT)
+            {}
         };
         tokio::join!(talk, broker);
-        let message = Outcome::Message(Text { topic: "stop".to_owned(), ..Text::default() });
-        assert_eq!(rig.told(), [Outcome::Connected(ANY), message], "{version:?}");
+        let message = Outcome::Message(Text {
+            topic: "stop".to_owned(),
+            ..Text::default()
+        });
+        assert_eq!(
+            rig.told(),
+            [Outcome::Connected(ANY), message],
+            "{version:?}"
+        );
     }
 }
 
@@ -566,8 +714,15 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let last = Publication { qos: Qos::AtLeastOnce, ..text("state", "offline") };
-        rig.talk.replace(Script { leaves_will: true, farewell: vec![last], ..Script::default() });
+        let last = Publication {
+            qos: Qos::AtLeastOnce,
+            ..text("state", "offline")
+        };
+        rig.talk.replace(Script {
+            leaves_will: true,
+            farewell: vec![last],
+            ..Script::default()
+        });
         let broker = async {
             let mut peer = stub.welcome().await;
             rig.told_at_least(1).await;
@@ -576,10 +731,23 @@ async fn who_leaves_the_will_to_the_broker_sends_no_disconnect_with_mqtt_5() {
             peer.acknowledge(last.identifier).await;
             peer.read().await.map(|frame| frame.kind)
         };
-        let client =
-            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
-        let ((), end) = timeout(Duration::from_secs(5), async { tokio::join!(client, broker) }).await.unwrap();
-        assert_eq!(end, (version == Version::V4).then_some(DISCONNECT), "{version:?}");
+        let client = converse(
+            settings(stub.address(), version),
+            &rig.talk,
+            &rig.bell,
+            &rig.counters,
+            rig.stop.notified(),
+        );
+        let ((), end) = timeout(Duration::from_secs(5), async {
+            tokio::join!(client, broker)
+        })
+        .await
+        .unwrap();
+        assert_eq!(
+            end,
+            (version == Version::V4).then_some(DISCONNECT),
+            "{version:?}"
+        );
     }
 }
 
@@ -589,7 +757,11 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
     for version in VERSIONS {
         let stub = Stub::new(version).await;
         let rig = Rig::default();
-        let last = Publication { retain: true, qos: Qos::AtLeastOnce, ..text("state", "offline") };
+        let last = Publication {
+            retain: true,
+            qos: Qos::AtLeastOnce,
+            ..text("state", "offline")
+        };
         rig.talk.borrow_mut().farewell = vec![text("bye", "1"), last];
         let broker = async {
             let mut peer = stub.welcome().await;
@@ -600,12 +772,27 @@ async fn the_last_words_come_before_disconnect_and_are_waited_for() {
                 said.push(peer.published().await);
             }
             assert_eq!(peer.read().await.map(|frame| frame.kind), Some(DISCONNECT));
-            said.into_iter().map(|it| (it.topic, it.retain)).collect::<Vec<_>>()
+            said.into_iter()
+                .map(|it| (it.topic, it.retain))
+                .collect::<Vec<_>>()
         };
-        let client =
-            converse(settings(stub.address(), version), &rig.talk, &rig.bell, &rig.counters, rig.stop.notified());
-        let ((), said) = timeout(Duration::from_secs(5), async { tokio::join!(client, broker) }).await.unwrap();
-        assert_eq!(said, [("bye".to_owned(), false), ("state".to_owned(), true)], "{version:?}");
+        let client = converse(
+            settings(stub.address(), version),
+            &rig.talk,
+            &rig.bell,
+            &rig.counters,
+            rig.stop.notified(),
+        );
+        let ((), said) = timeout(Duration::from_secs(5), async {
+            tokio::join!(client, broker)
+        })
+        .await
+        .unwrap();
+        assert_eq!(
+            said,
+            [("bye".to_owned(), false), ("state".to_owned(), true)],
+            "{version:?}"
+        );
     }
 }
 
@@ -614,11 +801,22 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
     let version = Version::V5;
     let stub = Stub::new(version).await;
     // With topic, length and properties the first has exactly 100 bytes, the second one more.
-    let fits = Publication { payload: vec![1; 94], ..text("t", "") };
-    let too_large = Publication { payload: vec![2; 95], ..fits.clone() };
+    let fits = Publication {
+        payload: vec![1; 94],
+        ..text("t", "")
+    };
+    let too_large = Publication {
+        payload: vec![2; 95],
+        ..fits.clone()
+    };
     let wildcard = text("a/#", "");
-    let retained = Publication { retain: true, ..text("last", "") };
-    let packets = [too_large, wildcard, fits, retained].map(Packet::Publish).to_vec();
+    let retained = Publication {
+        retain: true,
+        ..text("last", "")
+    };
+    let packets = [too_large, wildcard, fits, retained]
+        .map(Packet::Publish)
+        .to_vec();
     let rig = Rig::greeting(packets);
     rig.run(&stub, version, async {
         // Maximum packet size 100, no retained messages.
@@ -630,7 +828,13 @@ async fn what_the_broker_would_not_take_is_dropped_and_the_rest_goes_out() {
     })
     .await;
     assert_eq!(rig.counters.dropped.get(), 2);
-    assert_eq!(rig.told(), [Outcome::Connected(Broker { maximum_packet_bytes: Some(100), retains: false })]);
+    assert_eq!(
+        rig.told(),
+        [Outcome::Connected(Broker {
+            maximum_packet_bytes: Some(100),
+            retains: false
+        })]
+    );
 }
 
 #[tokio::test]
@@ -647,7 +851,12 @@ async fn the_properties_of_mqtt_5_go_both_ways() {
         .run(&stub, version, async {
             let mut peer = stub.welcome().await;
             // Expiry 9 s, response topic "r", correlation 1 2.
-            peer.publish("ask", b"!", &[0x02, 0, 0, 0, 9, 0x08, 0, 1, b'r', 0x09, 0, 2, 1, 2]).await;
+            peer.publish(
+                "ask",
+                b"!",
+                &[0x02, 0, 0, 0, 9, 0x08, 0, 1, b'r', 0x09, 0, 2, 1, 2],
+            )
+            .await;
             (peer.expect(PUBLISH).await.body, rig.told_at_least(2).await)
         })
         .await;
@@ -698,9 +907,16 @@ async fn a_full_queue_loses_nothing_and_blocks_nothing() {
             peer.publish("stop", b"", &[]).await;
             rig.told_at_least(2).await;
             let left = rig.talk.borrow().packets.len();
-            assert!(left >= 500 - 2 * usize::from(incident::INFLIGHT_MAX), "{version:?}: {left} left");
+            assert!(
+                left >= 500 - 2 * usize::from(incident::INFLIGHT_MAX),
+                "{version:?}: {left} left"
+            );
             acknowledge_all(&mut peer, 500).await;
-            assert_eq!(acknowledged(&rig.told_at_least(502).await), (0..500).collect::<Vec<_>>(), "{version:?}");
+            assert_eq!(
+                acknowledged(&rig.told_at_least(502).await),
+                (0..500).collect::<Vec<_>>(),
+                "{version:?}"
+            );
         })
         .await;
     }
@@ -735,7 +951,15 @@ async fn acknowledge_all(peer: &mut Peer, count: u64) {
 }
 
 fn rivals(told: &[Outcome]) -> Vec<Option<Rival>> {
-    told.iter().filter_map(|told| if let Outcome::Contested(rival) = told { Some(*rival) } else { None }).collect()
+    told.iter()
+        .filter_map(|told| {
+            if let Outcome::Contested(rival) = told {
+                Some(*rival)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
 #[tokio::test(start_paused = true)]
@@ -753,12 +977,21 @@ async fn a_broker_that_names_a_rival_is_not_fought_over() {
             peer.send(0xE0, &[0x8E, 0]).await;
         }
     };
-    let ended = rig.run(&stub, version, timeout(Duration::from_secs(300), taking_turns)).await;
+    let ended = rig
+        .run(
+            &stub,
+            version,
+            timeout(Duration::from_secs(300), taking_turns),
+        )
+        .await;
     assert!(ended.is_err());
     // Waits of 1, 2, 4, 8 and 16 s, then of 30 s, and 2 s each: some dozen instead of hundreds.
     assert!((8..=20).contains(&connections), "{connections} in 5 min");
     let rivals = rivals(&rig.told());
-    assert!(rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(Rival::Told)), "{rivals:?}");
+    assert!(
+        rivals.len() >= connections - 1 && rivals.iter().all(|it| *it == Some(Rival::Told)),
+        "{rivals:?}"
+    );
 }
 
 #[tokio::test(start_paused = true)]
@@ -773,13 +1006,25 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
                 connections += 1;
             }
         };
-        let ended = rig.run(&stub, version, timeout(Duration::from_secs(300), taking_turns)).await;
+        let ended = rig
+            .run(
+                &stub,
+                version,
+                timeout(Duration::from_secs(300), taking_turns),
+            )
+            .await;
         assert!(ended.is_err());
         // Five at once, a dozen with waits of 2 s, then with waits of 1, 2, 4, 8, 16 and 30 s.
-        assert!((20..=36).contains(&connections), "{version:?}: {connections} in 5 min");
+        assert!(
+            (20..=36).contains(&connections),
+            "{version:?}: {connections} in 5 min"
+        );
         let suspected = rivals(&rig.told());
         assert!(suspected.len() + 5 >= connections, "{suspected:?}");
-        assert!(suspected.iter().all(|it| *it == Some(Rival::Suspected)), "{suspected:?}");
+        assert!(
+            suspected.iter().all(|it| *it == Some(Rival::Suspected)),
+            "{suspected:?}"
+        );
         rig.talk.borrow_mut().told.clear();
         let mut connections = 0_usize;
         let living = async {
@@ -794,9 +1039,15 @@ async fn a_broker_that_only_closes_short_connections_makes_a_rival_suspected_unt
                 }
             }
         };
-        let ended = rig.run(&stub, version, timeout(Duration::from_secs(90), living)).await;
+        let ended = rig
+            .run(&stub, version, timeout(Duration::from_secs(90), living))
+            .await;
         assert!(ended.is_err());
-        assert_eq!(rivals(&rig.told()), [Some(Rival::Suspected), None], "{version:?}");
+        assert_eq!(
+            rivals(&rig.told()),
+            [Some(Rival::Suspected), None],
+            "{version:?}"
+        );
     }
 }
 
@@ -810,7 +1061,11 @@ async fn a_broker_that_goes_and_comes_is_no_rival_and_is_found_again_within_a_se
         rig.run_at(address, version, async {
             for _ in 0..4 {
                 let listening = stub.take().unwrap();
-                drop(timeout(Duration::from_millis(1500), listening.welcome()).await.expect("soon"));
+                drop(
+                    timeout(Duration::from_millis(1500), listening.welcome())
+                        .await
+                        .expect("soon"),
+                );
                 drop(listening);
                 // No broker listens for at least two attempts.
                 sleep(Duration::from_millis(1200)).await;
@@ -833,7 +1088,11 @@ async fn a_repeat_is_marked_as_the_broker_marked_it_and_acknowledged_all_the_sam
             assert_eq!(peer.expect(PUBACK).await.body[..2], [0, 77]);
             rig.told_at_least(2).await
         });
-        let message = Text { topic: "again".to_owned(), duplicate: true, ..Text::default() };
+        let message = Text {
+            topic: "again".to_owned(),
+            duplicate: true,
+            ..Text::default()
+        };
         assert_eq!(told.await[1], Outcome::Message(message), "{version:?}");
     }
 }
@@ -850,14 +1109,23 @@ async fn the_subscription_is_asked_for_again_on_every_connection() {
                 let mut peer = stub.accept().await;
                 let connect = peer.expect(CONNECT).await;
                 // Protocol name and level, then the flags: a clean session, or a clean start.
-                assert_eq!(connect.body[7] & 0x02, 0x02, "{version:?}: the broker keeps nothing for us");
+                assert_eq!(
+                    connect.body[7] & 0x02,
+                    0x02,
+                    "{version:?}: the broker keeps nothing for us"
+                );
                 if version == Version::V5 {
                     // Without a session expiry interval (0x11) it is 0.
                     let properties = &connect.body[11..11 + usize::from(connect.body[10])];
                     assert!(!properties.contains(&0x11), "{properties:?}");
                 }
                 peer.answer_connect(&[]).await;
-                assert!(peer.expect(SUBSCRIBE).await.body.ends_with(&[b'#', options_of(version)]));
+                assert!(
+                    peer.expect(SUBSCRIBE)
+                        .await
+                        .body
+                        .ends_with(&[b'#', options_of(version)])
+                );
             }
         })
         .await;
@@ -885,46 +1153,81 @@ async fn an_answer_to_a_subscription_that_has_too_few_or_too_many_codes_is_repor
                 peer.answer_subscribe(&subscribe, codes).await;
                 rig.told_at_least(2).await
             });
-            assert_eq!(told.await[1], Outcome::Subscribed(vec![true; codes.len()]), "{version:?}");
+            assert_eq!(
+                told.await[1],
+                Outcome::Subscribed(vec![true; codes.len()]),
+                "{version:?}"
+            );
         }
     }
 }
 
 #[tokio::test]
 async fn it_talks_with_the_broker_for_trying_out() {
-    let listening = broker::listen("127.0.0.1:0".parse().unwrap()).await.unwrap();
+    let listening = broker::listen("127.0.0.1:0".parse().unwrap())
+        .await
+        .unwrap();
     let address = listening.address();
     tokio::spawn(listening.serve());
     for version in VERSIONS {
         let rig = Rig::greeting(vec![Packet::Subscribe(filters(&["record"])), with_token(5)]);
         let told = rig.run_at(address, version, rig.told_at_least(4)).await;
-        assert!(told.contains(&Outcome::Subscribed(vec![true])), "{version:?}: {told:?}");
-        assert!(told.contains(&Outcome::Acknowledged(5)), "{version:?}: {told:?}");
-        let message = Text { topic: "record".to_owned(), payload: b"5".to_vec(), ..Text::default() };
-        assert!(told.contains(&Outcome::Message(message)), "{version:?}: {told:?}");
+        assert!(
+            told.contains(&Outcome::Subscribed(vec![true])),
+            "{version:?}: {told:?}"
+        );
+        assert!(
+            told.contains(&Outcome::Acknowledged(5)),
+            "{version:?}: {told:?}"
+        );
+        let message = Text {
+            topic: "record".to_owned(),
+            payload: b"5".to_vec(),
+            ..Text::default()
+        };
+        assert!(
+            told.contains(&Outcome::Message(message)),
+            "{version:?}: {told:?}"
+        );
     }
 }
 
 #[tokio::test]
 async fn what_is_retained_in_the_broker_for_trying_out_stays_and_the_will_comes() {
-    let listening = broker::listen("127.0.0.1:0".parse().unwrap()).await.unwrap();
+    let listening = broker::listen("127.0.0.1:0".parse().unwrap())
+        .await
+        .unwrap();
     let address = listening.address();
     tokio::spawn(listening.serve());
-    let kept = Publication { retain: true, qos: Qos::AtLeastOnce, token: Some(1), ..text("kept", "value") };
+    let kept = Publication {
+        retain: true,
+        qos: Qos::AtLeastOnce,
+        token: Some(1),
+        ..text("kept", "value")
+    };
     let watcher = Rig::greeting(vec![Packet::Subscribe(filters(&["kept", "will"]))]);
     let writer = Rig::greeting(vec![Packet::Publish(kept)]);
     // Dropped without a farewell, so that its will is published.
-    writer.run_at(address, Version::V5, writer.told_at_least(2)).await;
+    writer
+        .run_at(address, Version::V5, writer.told_at_least(2))
+        .await;
     let again = Rig::default();
     let mut told = watcher
         .run_at(address, Version::V4, async {
             watcher.told_at_least(3).await;
-            again.run_at(address, Version::V5, again.told_at_least(1)).await;
+            again
+                .run_at(address, Version::V5, again.told_at_least(1))
+                .await;
             watcher.told_at_least(4).await
         })
         .await;
     told.retain(|told| matches!(told, Outcome::Message(_)));
-    let kept = Text { topic: "kept".to_owned(), payload: b"value".to_vec(), retain: true, ..Text::default() };
+    let kept = Text {
+        topic: "kept".to_owned(),
+        payload: b"value".to_vec(),
+        retain: true,
+        ..Text::default()
+    };
     assert_eq!(told[0], Outcome::Message(kept));
     assert!(matches!(&told[1], Outcome::Message(message) if message.topic == "will"));
 }

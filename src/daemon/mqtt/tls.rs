@@ -31,7 +31,9 @@ pub fn check(settings: &TlsSettings) -> Result<(), TlsError> {
 
 /// Reads the files on another thread: they may be many and slow. `None` without settings.
 pub async fn read(settings: Option<TlsSettings>) -> Result<Option<Arc<ClientConfig>>, String> {
-    let Some(settings) = settings else { return Ok(None) };
+    let Some(settings) = settings else {
+        return Ok(None);
+    };
     let read = tokio::task::spawn_blocking(move || config(&settings)).await;
     match read {
         Ok(Ok(config)) => Ok(Some(config)),
@@ -68,7 +70,10 @@ fn roots(ca_file: Option<&Path>) -> Result<RootCertStore, TlsError> {
         }
     }
     if roots.is_empty() {
-        let place = ca_file.map_or_else(|| "the system's store".to_owned(), |file| file.display().to_string());
+        let place = ca_file.map_or_else(
+            || "the system's store".to_owned(),
+            |file| file.display().to_string(),
+        );
         return Err(TlsError::NoAuthority(place));
     }
     Ok(roots)
@@ -80,14 +85,20 @@ mod tests {
 
     #[test]
     fn a_missing_file_is_named() {
-        let settings = TlsSettings { ca_file: Some("/nowhere/ca.pem".into()), client_cert: None };
+        let settings = TlsSettings {
+            ca_file: Some("/nowhere/ca.pem".into()),
+            client_cert: None,
+        };
         let error = check(&settings).unwrap_err().to_string();
         assert!(error.contains("/nowhere/ca.pem"), "{error}");
     }
 
     #[test]
     fn a_file_without_certificates_trusts_nobody() {
-        let settings = TlsSettings { ca_file: Some("/dev/null".into()), client_cert: None };
+        let settings = TlsSettings {
+            ca_file: Some("/dev/null".into()),
+            client_cert: None,
+        };
         assert!(check(&settings).is_err());
     }
 }

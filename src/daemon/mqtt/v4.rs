@@ -8,8 +8,9 @@ use crate::north::broker::{Filter, Publication, Qos};
 use bytes::BytesMut;
 use rumqttc::mqttbytes::Error as BytesError;
 use rumqttc::{
-    Connect, ConnectReturnCode, ConnectionError, Disconnect, Event, LastWill, Login, MqttState, Outgoing, Packet,
-    PingReq, Publish, QoS, Request, StateError, Subscribe, SubscribeFilter, SubscribeReasonCode,
+    Connect, ConnectReturnCode, ConnectionError, Disconnect, Event, LastWill, Login, MqttState,
+    Outgoing, Packet, PingReq, Publish, QoS, Request, StateError, Subscribe, SubscribeFilter,
+    SubscribeReasonCode,
 };
 use std::io;
 use std::time::Duration;
@@ -26,12 +27,23 @@ impl V4 {
         let mut connect = Connect::new(&settings.client_id);
         connect.keep_alive = incident::keep_alive_seconds(settings);
         connect.clean_session = settings.keeps == Keeps::Nothing;
-        connect.last_will = Some(LastWill::new(will.topic, will.payload, qos(will.qos), will.retain));
+        connect.last_will = Some(LastWill::new(
+            will.topic,
+            will.payload,
+            qos(will.qos),
+            will.retain,
+        ));
         if settings.user.is_some() || settings.password.is_some() {
             let password = settings.password.as_ref().map_or("", Secret::expose);
-            connect.login = Some(Login::new(settings.user.as_deref().unwrap_or_default(), password));
+            connect.login = Some(Login::new(
+                settings.user.as_deref().unwrap_or_default(),
+                password,
+            ));
         }
-        Self { connect, state: MqttState::new(incident::INFLIGHT_MAX, false) }
+        Self {
+            connect,
+            state: MqttState::new(incident::INFLIGHT_MAX, false),
+        }
     }
 }
 
@@ -50,7 +62,10 @@ impl Protocol for V4 {
     }
 
     fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
-        packet.write(bytes, incident::PACKET_MAX).map(|_| ()).map_err(of_codec)
+        packet
+            .write(bytes, incident::PACKET_MAX)
+            .map(|_| ())
+            .map_err(of_codec)
     }
 
     fn connect(&self) -> Packet {
@@ -60,10 +75,14 @@ impl Protocol for V4 {
     fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
         match packet {
             Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => {
-                self.state.events.push_back(Event::Incoming(Packet::ConnAck(answer)));
+                self.state
+                    .events
+                    .push_back(Event::Incoming(Packet::ConnAck(answer)));
                 Ok(None)
             }
-            Packet::ConnAck(answer) => Err(broken(&ConnectionError::ConnectionRefused(answer.code))),
+            Packet::ConnAck(answer) => {
+                Err(broken(&ConnectionError::ConnectionRefused(answer.code)))
+            }
             packet => Err(broken(&ConnectionError::NotConnAck(packet))),
         }
     }
@@ -89,7 +108,9 @@ impl Protocol for V4 {
     }
 
     fn forget_unsent(&mut self) {
-        self.state.events.retain(|event| matches!(event, Event::Incoming(_)));
+        self.state
+            .events
+            .retain(|event| matches!(event, Event::Incoming(_)));
     }
 
     fn io(error: io::Error) -> Broken {
@@ -105,24 +126,36 @@ impl Protocol for V4 {
 pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued> {
     let mut publish = Publish::new(it.topic, qos(it.qos), it.payload);
     publish.retain = it.retain;
-    queue.try_send(Request::Publish(publish)).map_err(|_| NotQueued)
+    queue
+        .try_send(Request::Publish(publish))
+        .map_err(|_| NotQueued)
 }
 
 /// Queues a subscription.
 pub fn subscribe(queue: &Sender<Request>, filters: Vec<Filter>) -> Result<(), NotQueued> {
     incident::check_filters(&filters)?;
-    let filters = filters.into_iter().map(|filter| SubscribeFilter::new(filter.path, qos(filter.qos)));
-    queue.try_send(Request::Subscribe(Subscribe::new_many(filters))).map_err(|_| NotQueued)
+    let filters = filters
+        .into_iter()
+        .map(|filter| SubscribeFilter::new(filter.path, qos(filter.qos)));
+    queue
+        .try_send(Request::Subscribe(Subscribe::new_many(filters)))
+        .map_err(|_| NotQueued)
 }
 
 /// Queues the orderly end.
 pub fn disconnect(queue: &Sender<Request>) -> Result<(), NotQueued> {
-    queue.try_send(Request::Disconnect(Disconnect)).map_err(|_| NotQueued)
+    queue
+        .try_send(Request::Disconnect(Disconnect))
+        .map_err(|_| NotQueued)
 }
 
 /// Bytes of a publication on the wire.
 pub const fn packet_bytes(it: &Publication) -> usize {
-    let identifier = if matches!(it.qos, Qos::AtLeastOnce) { 2 } else { 0 };
+    let identifier = if matches!(it.qos, Qos::AtLeastOnce) {
+        2
+    } else {
+        0
+    };
     incident::with_header(2 + it.topic.len() + identifier + it.payload.len())
 }
 
@@ -146,12 +179,28 @@ fn of_state(error: StateError) -> Broken {
 
 /// Why the connection is over. An error of the protocol can only occur after CONNECT.
 fn broken(error: &ConnectionError) -> Broken {
-    let is_io =
-        matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
-    let is_closed = matches!(error, ConnectionError::MqttState(StateError::ConnectionAborted));
-    let cause = if is_io || is_closed { Cause::Gone } else { Cause::Other };
+    let is_io = matches!(
+        error,
+        ConnectionError::MqttState(
+            StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))
+        )
+    );
+    let is_closed = matches!(
+        error,
+        ConnectionError::MqttState(StateError::ConnectionAborted)
+    );
+    let cause = if is_io || is_closed {
+        Cause::Gone
+    } else {
+        Cause::Other
+    };
     let reason = reason_for(error).unwrap_or_else(|| error.to_string());
-    Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
+    Broken {
+        reason,
+        is_fresh: !is_io,
+        cause,
+        is_unsent: false,
+    }
 }
 
 /// The reason in our own words, if we have any.
@@ -160,11 +209,13 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
         ConnectionError::ConnectionRefused(
             ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,
         ) => Some(reason::CREDENTIALS.to_owned()),
-        ConnectionError::ConnectionRefused(ConnectReturnCode::BadClientId) => Some(reason::CLIENT_ID.to_owned()),
-        ConnectionError::Io(error)
-        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
-            reason::of_io(error).or_else(|| Some(error.to_string()))
+        ConnectionError::ConnectionRefused(ConnectReturnCode::BadClientId) => {
+            Some(reason::CLIENT_ID.to_owned())
         }
+        ConnectionError::Io(error)
+        | ConnectionError::MqttState(
+            StateError::Io(error) | StateError::Deserialization(BytesError::Io(error)),
+        ) => reason::of_io(error).or_else(|| Some(error.to_string())),
         _ => None,
     }
 }
@@ -172,7 +223,9 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
 fn heard(packet: Packet) -> Incident {
     match packet {
         Packet::ConnAck(_) => Incident::Connected(Terms::default()),
-        Packet::SubAck(answer) => Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect()),
+        Packet::SubAck(answer) => {
+            Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
+        }
         Packet::Publish(publish) => Incident::Message(received(publish)),
         Packet::PubAck(answer) => Incident::Acknowledged(answer.pkid),
         _ => Incident::Heard,

@@ -8,8 +8,9 @@ use crate::north::broker::{Broker, Filter as Wanted, Publication, Qos, Refusal};
 use bytes::BytesMut;
 use rumqttc::Outgoing;
 use rumqttc::v5::mqttbytes::v5::{
-    ConnAck, Connect, ConnectProperties, ConnectReturnCode, DisconnectReasonCode, Filter, LastWill, LastWillProperties,
-    Login, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule, Subscribe, SubscribeReasonCode,
+    ConnAck, Connect, ConnectProperties, ConnectReturnCode, DisconnectReasonCode, Filter, LastWill,
+    LastWillProperties, Login, Packet, PubAckReason, Publish, PublishProperties, RetainForwardRule,
+    Subscribe, SubscribeReasonCode,
 };
 use rumqttc::v5::mqttbytes::{Error as BytesError, QoS};
 use rumqttc::v5::{ConnectionError, Event, MqttState, Request, StateError};
@@ -55,7 +56,14 @@ impl V5 {
             .then(|| Login::new(settings.user.as_deref().unwrap_or_default(), password));
         let state = MqttState::new(incident::INFLIGHT_MAX, false);
         let will = last_will(will);
-        Self { connect, will, login, state, outgoing_max: None, inflight_max: incident::INFLIGHT_MAX }
+        Self {
+            connect,
+            will,
+            login,
+            state,
+            outgoing_max: None,
+            inflight_max: incident::INFLIGHT_MAX,
+        }
     }
 }
 
@@ -74,22 +82,34 @@ impl Protocol for V5 {
     }
 
     fn encode(&self, packet: Packet, bytes: &mut BytesMut) -> Result<(), Broken> {
-        packet.write(bytes, self.outgoing_max).map(|_| ()).map_err(of_codec)
+        packet
+            .write(bytes, self.outgoing_max)
+            .map(|_| ())
+            .map_err(of_codec)
     }
 
     fn connect(&self) -> Packet {
-        Packet::Connect(self.connect.clone(), Some(self.will.clone()), self.login.clone())
+        Packet::Connect(
+            self.connect.clone(),
+            Some(self.will.clone()),
+            self.login.clone(),
+        )
     }
 
     fn accept(&mut self, packet: Packet) -> Result<Option<Duration>, Broken> {
         let answer = match packet {
             Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => answer,
-            Packet::ConnAck(answer) => return Err(broken(&ConnectionError::ConnectionRefused(answer.code))),
+            Packet::ConnAck(answer) => {
+                return Err(broken(&ConnectionError::ConnectionRefused(answer.code)));
+            }
             packet => return Err(broken(&ConnectionError::NotConnAck(Box::new(packet)))),
         };
         if let Some(properties) = &answer.properties {
             self.outgoing_max = properties.max_packet_size;
-            self.inflight_max = properties.receive_max.unwrap_or(u16::MAX).min(incident::INFLIGHT_MAX);
+            self.inflight_max = properties
+                .receive_max
+                .unwrap_or(u16::MAX)
+                .min(incident::INFLIGHT_MAX);
         }
         let keep_alive = terms(&answer).keep_alive;
         self.incoming(Packet::ConnAck(answer))?;
@@ -117,7 +137,9 @@ impl Protocol for V5 {
     }
 
     fn forget_unsent(&mut self) {
-        self.state.events.retain(|event| matches!(event, Event::Incoming(_)));
+        self.state
+            .events
+            .retain(|event| matches!(event, Event::Incoming(_)));
     }
 
     fn io(error: io::Error) -> Broken {
@@ -138,7 +160,9 @@ pub fn publish(queue: &Sender<Request>, it: Publication) -> Result<(), NotQueued
     };
     let mut publish = Publish::new(it.topic, qos(it.qos), it.payload, Some(properties));
     publish.retain = it.retain;
-    queue.try_send(Request::Publish(publish)).map_err(|_| NotQueued)
+    queue
+        .try_send(Request::Publish(publish))
+        .map_err(|_| NotQueued)
 }
 
 /// Queues a subscription, without retained messages and with the retain flag as published.
@@ -155,7 +179,9 @@ pub fn subscribe(queue: &Sender<Request>, filters: Vec<Wanted>) -> Result<(), No
             RetainForwardRule::Never
         },
     });
-    queue.try_send(Request::Subscribe(Subscribe::new_many(filters, None))).map_err(|_| NotQueued)
+    queue
+        .try_send(Request::Subscribe(Subscribe::new_many(filters, None)))
+        .map_err(|_| NotQueued)
 }
 
 /// Queues the orderly end.
@@ -165,7 +191,11 @@ pub fn disconnect(queue: &Sender<Request>) -> Result<(), NotQueued> {
 
 /// Bytes of a publication on the wire.
 pub fn packet_bytes(it: &Publication) -> usize {
-    let identifier = if matches!(it.qos, Qos::AtLeastOnce) { 2 } else { 0 };
+    let identifier = if matches!(it.qos, Qos::AtLeastOnce) {
+        2
+    } else {
+        0
+    };
     let expiry = if it.expiry.is_some() { 5 } else { 0 };
     let correlation = it.correlation.as_ref().map_or(0, |data| 3 + data.len());
     let properties = expiry + correlation;
@@ -193,8 +223,12 @@ fn of_state(error: StateError) -> Broken {
 
 /// Why the connection is over. An error of the protocol can only occur after CONNECT.
 fn broken(error: &ConnectionError) -> Broken {
-    let is_io =
-        matches!(error, ConnectionError::MqttState(StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))));
+    let is_io = matches!(
+        error,
+        ConnectionError::MqttState(
+            StateError::Io(_) | StateError::Deserialization(BytesError::Io(_))
+        )
+    );
     let cause = match error {
         ConnectionError::MqttState(StateError::ServerDisconnect {
             reason_code: DisconnectReasonCode::SessionTakenOver,
@@ -209,7 +243,12 @@ fn broken(error: &ConnectionError) -> Broken {
         _ => Cause::Other,
     };
     let reason = reason_for(error).unwrap_or_else(|| error.to_string());
-    Broken { reason, is_fresh: !is_io, cause, is_unsent: false }
+    Broken {
+        reason,
+        is_fresh: !is_io,
+        cause,
+        is_unsent: false,
+    }
 }
 
 /// The reason in our own words, if we have any.
@@ -222,9 +261,9 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
             Some(reason::CLIENT_ID.to_owned())
         }
         ConnectionError::Io(error)
-        | ConnectionError::MqttState(StateError::Io(error) | StateError::Deserialization(BytesError::Io(error))) => {
-            reason::of_io(error).or_else(|| Some(error.to_string()))
-        }
+        | ConnectionError::MqttState(
+            StateError::Io(error) | StateError::Deserialization(BytesError::Io(error)),
+        ) => reason::of_io(error).or_else(|| Some(error.to_string())),
         _ => None,
     }
 }
@@ -232,13 +271,17 @@ fn reason_for(error: &ConnectionError) -> Option<String> {
 fn heard(packet: Packet) -> Incident {
     match packet {
         Packet::ConnAck(answer) => Incident::Connected(terms(&answer)),
-        Packet::SubAck(answer) => Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect()),
+        Packet::SubAck(answer) => {
+            Incident::Subscribed(answer.return_codes.iter().map(is_granted).collect())
+        }
         Packet::Publish(publish) => match offence(&publish) {
             Some(what) => Incident::Offence(what),
             None => received(publish).map_or(Incident::Heard, Incident::Message),
         },
         Packet::PubAck(answer) => match answer.reason {
-            PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Incident::Acknowledged(answer.pkid),
+            PubAckReason::Success | PubAckReason::NoMatchingSubscribers => {
+                Incident::Acknowledged(answer.pkid)
+            }
             reason => Incident::Refused(answer.pkid, refusal(reason), format!("{reason:?}")),
         },
         _ => Incident::Heard,
@@ -248,21 +291,30 @@ fn heard(packet: Packet) -> Incident {
 const fn refusal(reason: PubAckReason) -> Refusal {
     match reason {
         PubAckReason::QuotaExceeded => Refusal::Full,
-        PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid | PubAckReason::PayloadFormatInvalid => {
-            Refusal::Never
-        }
+        PubAckReason::NotAuthorized
+        | PubAckReason::TopicNameInvalid
+        | PubAckReason::PayloadFormatInvalid => Refusal::Never,
         _ => Refusal::Failed,
     }
 }
 
 fn terms(answer: &ConnAck) -> Terms {
-    let Some(properties) = &answer.properties else { return Terms::default() };
-    let limit = properties.max_packet_size.and_then(|bytes| usize::try_from(bytes).ok());
+    let Some(properties) = &answer.properties else {
+        return Terms::default();
+    };
+    let limit = properties
+        .max_packet_size
+        .and_then(|bytes| usize::try_from(bytes).ok());
     let retains = properties.retain_available != Some(0);
     Terms {
-        broker: Broker { maximum_packet_bytes: limit, retains },
+        broker: Broker {
+            maximum_packet_bytes: limit,
+            retains,
+        },
         packet_max: limit.unwrap_or(usize::MAX).min(incident::PACKET_MAX),
-        keep_alive: properties.server_keep_alive.map(|seconds| Duration::from_secs(seconds.into())),
+        keep_alive: properties
+            .server_keep_alive
+            .map(|seconds| Duration::from_secs(seconds.into())),
     }
 }
 
@@ -284,7 +336,9 @@ fn received(publish: Publish) -> Option<Received> {
         payload: publish.payload,
         retain: publish.retain,
         duplicate: publish.dup,
-        expiry: properties.message_expiry_interval.map(|seconds| Duration::from_secs(seconds.into())),
+        expiry: properties
+            .message_expiry_interval
+            .map(|seconds| Duration::from_secs(seconds.into())),
         response_topic: properties.response_topic,
         correlation: properties.correlation_data,
     })
@@ -292,26 +346,54 @@ fn received(publish: Publish) -> Option<Received> {
 
 /// The protocol violation in a message, if there is one; the library accepts it.
 fn offence(publish: &Publish) -> Option<&'static str> {
-    if publish.properties.as_ref().is_some_and(|it| it.topic_alias.is_some()) {
+    if publish
+        .properties
+        .as_ref()
+        .is_some_and(|it| it.topic_alias.is_some())
+    {
         return Some("a message with a topic alias, of which we offer none");
     }
     // Topic and payload are slices of the received packet: between them are the identifier and the properties.
     let identifier = if publish.qos == QoS::AtMostOnce { 0 } else { 2 };
-    let between = publish.payload.as_ptr().addr().checked_sub(publish.topic.as_ptr().addr())?;
+    let between = publish
+        .payload
+        .as_ptr()
+        .addr()
+        .checked_sub(publish.topic.as_ptr().addr())?;
     let came = between.checked_sub(publish.topic.len() + identifier)?;
     let told = publish.properties.as_ref().map_or(0, property_bytes);
-    (came != incident::length_bytes(told) + told).then_some("a message with a duplicate or malformed property")
+    (came != incident::length_bytes(told) + told)
+        .then_some("a message with a duplicate or malformed property")
 }
 
 /// Bytes of the properties on the wire, each counted once.
 fn property_bytes(it: &PublishProperties) -> usize {
     let text = |text: &String| 2 + text.len();
-    let fixed = [(it.payload_format_indicator.is_some(), 2), (it.message_expiry_interval.is_some(), 5)];
-    let fixed = fixed.into_iter().filter(|(is_there, _)| *is_there).map(|(_, bytes)| bytes).sum::<usize>();
-    let texts = [it.response_topic.as_ref(), it.content_type.as_ref()].into_iter().flatten().map(|it| 1 + text(it));
-    let users = it.user_properties.iter().map(|(key, value)| 1 + text(key) + text(value));
-    let identifiers = it.subscription_identifiers.iter().map(|id| 1 + incident::length_bytes(*id));
-    let correlation = it.correlation_data.as_ref().map_or(0, |data| 3 + data.len());
+    let fixed = [
+        (it.payload_format_indicator.is_some(), 2),
+        (it.message_expiry_interval.is_some(), 5),
+    ];
+    let fixed = fixed
+        .into_iter()
+        .filter(|(is_there, _)| *is_there)
+        .map(|(_, bytes)| bytes)
+        .sum::<usize>();
+    let texts = [it.response_topic.as_ref(), it.content_type.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(|it| 1 + text(it));
+    let users = it
+        .user_properties
+        .iter()
+        .map(|(key, value)| 1 + text(key) + text(value));
+    let identifiers = it
+        .subscription_identifiers
+        .iter()
+        .map(|id| 1 + incident::length_bytes(*id));
+    let correlation = it
+        .correlation_data
+        .as_ref()
+        .map_or(0, |data| 3 + data.len());
     fixed + correlation + texts.chain(users).chain(identifiers).sum::<usize>()
 }
 
@@ -325,7 +407,13 @@ fn last_will(will: Publication) -> LastWill {
         correlation_data: will.correlation.map(Into::into),
         user_properties: Vec::new(),
     };
-    LastWill::new(will.topic, will.payload, qos(will.qos), will.retain, Some(properties))
+    LastWill::new(
+        will.topic,
+        will.payload,
+        qos(will.qos),
+        will.retain,
+        Some(properties),
+    )
 }
 
 /// Whole seconds, rounded up: with 0 it would not be delivered.

@@ -125,15 +125,25 @@ mod tests {
     #[test]
     fn an_acknowledgement_proves_what_was_sent_before_it() {
         let mut window = Window::default();
-        for (qos, bytes) in [(Qos::AtMostOnce, 3_000), (Qos::AtLeastOnce, 50), (Qos::AtMostOnce, 4_000)] {
+        for (qos, bytes) in [
+            (Qos::AtMostOnce, 3_000),
+            (Qos::AtLeastOnce, 50),
+            (Qos::AtMostOnce, 4_000),
+        ] {
             window.queue_publication(qos, None, bytes);
         }
-        assert_eq!((window.largest_bytes(), window.largest_given_bytes()), (0, 4_000));
+        assert_eq!(
+            (window.largest_bytes(), window.largest_given_bytes()),
+            (0, 4_000)
+        );
         for identifier in [0, 1, 0] {
             window.publication_left(identifier);
         }
         assert_eq!(window.settle(1).taken_bytes, 3_000);
-        assert_eq!((window.largest_bytes(), window.settle(1)), (4_000, Settled::default()));
+        assert_eq!(
+            (window.largest_bytes(), window.settle(1)),
+            (4_000, Settled::default())
+        );
     }
 
     #[test]

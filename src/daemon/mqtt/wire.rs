@@ -24,7 +24,12 @@ pub struct Wire {
 
 impl Wire {
     pub fn new(stream: Box<dyn Stream>) -> Self {
-        Self { stream, input: BytesMut::new(), output: BytesMut::new(), is_unflushed: false }
+        Self {
+            stream,
+            input: BytesMut::new(),
+            output: BytesMut::new(),
+            is_unflushed: false,
+        }
     }
 
     /// The next packet.
@@ -36,7 +41,12 @@ impl Wire {
             self.input.reserve(READ_BYTES);
             match self.stream.read_buf(&mut self.input).await {
                 Ok(0) if self.input.is_empty() => return Err(P::closed()),
-                Ok(0) => return Err(P::io(Error::new(ErrorKind::UnexpectedEof, "the broker closed within a packet"))),
+                Ok(0) => {
+                    return Err(P::io(Error::new(
+                        ErrorKind::UnexpectedEof,
+                        "the broker closed within a packet",
+                    )));
+                }
                 Ok(_) => {}
                 Err(error) => return Err(P::io(error)),
             }
@@ -69,5 +79,10 @@ impl Wire {
 }
 
 fn overdue() -> Broken {
-    Broken { reason: "Flush timeout".to_owned(), is_fresh: false, cause: Cause::Other, is_unsent: false }
+    Broken {
+        reason: "Flush timeout".to_owned(),
+        is_fresh: false,
+        cause: Cause::Other,
+        is_unsent: false,
+    }
 }

@@ -94,13 +94,20 @@ pub(super) fn turn_direction(fd: BorrowedFd<'_>) -> Result<(), String> {
     }
     Err(not_by_kernel(
         "TIOCSRS485",
-        &format!("the driver keeps the flags {:#x} instead of {:#x}", now.flags, wanted.flags),
+        &format!(
+            "the driver keeps the flags {:#x} instead of {:#x}",
+            now.flags, wanted.flags
+        ),
     ))
 }
 
 /// The message names the ioctl that sets it, whichever of the two calls failed, since that is what users search for.
 fn not_by_kernel(call: &str, why: &str) -> String {
-    let call = if call == "TIOCSRS485" { call.to_owned() } else { format!("TIOCSRS485 (asked by {call})") };
+    let call = if call == "TIOCSRS485" {
+        call.to_owned()
+    } else {
+        format!("TIOCSRS485 (asked by {call})")
+    };
     format!(
         "`rs485 = \"kernel\"` needs {call}: {why}; right is \"adapter\" where the adapter turns the direction itself, as \
          USB adapters do, or \"rts\" where its direction hangs on RTS"
@@ -134,12 +141,17 @@ impl SerialInfo {
 /// Whether `error` means that the driver does not support the request.
 fn is_unknown(error: &io::Error) -> bool {
     let code = error.raw_os_error().map(Errno::from_raw_os_error);
-    matches!(code, Some(Errno::NOTTY | Errno::INVAL | Errno::OPNOTSUPP | Errno::NOSYS))
+    matches!(
+        code,
+        Some(Errno::NOTTY | Errno::INVAL | Errno::OPNOTSUPP | Errno::NOSYS)
+    )
 }
 
 /// A warning if the adapter behind `device` is known to hold received bytes back for too long.
 pub(super) fn latency_remark(device: &Path) -> Option<String> {
-    let file = Path::new("/sys/class/tty").join(device.file_name()?).join("device/latency_timer");
+    let file = Path::new("/sys/class/tty")
+        .join(device.file_name()?)
+        .join("device/latency_timer");
     latency_text(&std::fs::read_to_string(&file).ok()?, &file)
 }
 
@@ -163,16 +175,33 @@ mod tests {
     #[test]
     fn structures_have_the_size_that_the_kernel_expects() {
         assert_eq!(size_of::<Rs485>(), 32);
-        assert_eq!(size_of::<SerialInfo>(), if size_of::<usize>() == 8 { 72 } else { 60 });
+        assert_eq!(
+            size_of::<SerialInfo>(),
+            if size_of::<usize>() == 8 { 72 } else { 60 }
+        );
     }
 
     #[test]
     fn rts_is_set_to_send_unless_the_board_says_otherwise() {
         let on = Rs485::default().enabled();
         assert_eq!(on.flags, 0b011);
-        let inverted = Rs485 { flags: RS485_RTS_AFTER_SEND, delay_after_send_ms: 1, ..Rs485::default() };
-        assert_eq!(inverted.enabled(), Rs485 { flags: 0b101, delay_after_send_ms: 1, ..Rs485::default() });
-        let with_more = Rs485 { flags: on.flags | 1 << 4, ..on };
+        let inverted = Rs485 {
+            flags: RS485_RTS_AFTER_SEND,
+            delay_after_send_ms: 1,
+            ..Rs485::default()
+        };
+        assert_eq!(
+            inverted.enabled(),
+            Rs485 {
+                flags: 0b101,
+                delay_after_send_ms: 1,
+                ..Rs485::default()
+            }
+        );
+        let with_more = Rs485 {
+            flags: on.flags | 1 << 4,
+            ..on
+        };
         assert_eq!(with_more.enabled(), with_more);
     }
 
@@ -180,9 +209,23 @@ mod tests {
     fn a_driver_that_keeps_something_else_does_not_do_it() {
         let wanted = Rs485::default().enabled();
         assert!(wanted.does(wanted));
-        assert!(Rs485 { flags: wanted.flags | 1 << 4, ..wanted }.does(wanted), "it may hear what it sends");
+        assert!(
+            Rs485 {
+                flags: wanted.flags | 1 << 4,
+                ..wanted
+            }
+            .does(wanted),
+            "it may hear what it sends"
+        );
         assert!(!Rs485::default().does(wanted), "off");
-        assert!(!Rs485 { flags: RS485_ENABLED | RS485_RTS_AFTER_SEND, ..wanted }.does(wanted), "the other way round");
+        assert!(
+            !Rs485 {
+                flags: RS485_ENABLED | RS485_RTS_AFTER_SEND,
+                ..wanted
+            }
+            .does(wanted),
+            "the other way round"
+        );
     }
 
     #[test]
@@ -190,7 +233,12 @@ mod tests {
         let pty = Pty::new().unwrap();
         let port = std::fs::File::open(pty.path()).unwrap();
         let told = turn_direction(port.as_fd()).unwrap_err();
-        for part in ["TIOCSRS485", "does not support it", "\"adapter\"", "\"rts\""] {
+        for part in [
+            "TIOCSRS485",
+            "does not support it",
+            "\"adapter\"",
+            "\"rts\"",
+        ] {
             assert!(told.contains(part), "{told}");
         }
     }
@@ -202,14 +250,28 @@ mod tests {
         assert!(is_unknown(&sys::serial_info(port.as_fd()).unwrap_err()));
         ask_for_low_latency(port.as_fd()).unwrap();
         assert!(!is_unknown(&io::ErrorKind::PermissionDenied.into()));
-        assert!(!is_unknown(&io::Error::from(Errno::IO)), "a device that is gone");
+        assert!(
+            !is_unknown(&io::Error::from(Errno::IO)),
+            "a device that is gone"
+        );
     }
 
     #[test]
     fn the_flag_is_set_once_and_the_rest_stays() {
-        let info = SerialInfo { flags: 0b1, irq: 4, iomap_base: 7, ..SerialInfo::default() };
+        let info = SerialInfo {
+            flags: 0b1,
+            irq: 4,
+            iomap_base: 7,
+            ..SerialInfo::default()
+        };
         let wanted = info.with_low_latency().unwrap();
-        assert_eq!(wanted, SerialInfo { flags: 0x2001, ..info });
+        assert_eq!(
+            wanted,
+            SerialInfo {
+                flags: 0x2001,
+                ..info
+            }
+        );
         assert_eq!(wanted.with_low_latency(), None);
     }
 
@@ -217,7 +279,10 @@ mod tests {
     fn an_adapter_that_holds_bytes_back_is_reported_with_what_to_do() {
         let file = Path::new("/sys/class/tty/ttyUSB0/device/latency_timer");
         let told = latency_text("16\n", file).unwrap();
-        assert!(told.contains("16 ms") && told.contains("write 1 to /sys/class/tty/ttyUSB0/device"), "{told}");
+        assert!(
+            told.contains("16 ms") && told.contains("write 1 to /sys/class/tty/ttyUSB0/device"),
+            "{told}"
+        );
         assert_eq!(latency_text("1\n", file), None);
         assert_eq!(latency_text("", file), None);
         assert_eq!(latency_remark(Path::new("/dev/no-such-port")), None);

@@ -45,13 +45,20 @@ pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option
 }
 
 /// The same; calls `wait` while a new holder of the lock has not written its name yet.
-fn lock_waiting(device: &Path, line: &str, dirs: &[PathBuf], wait: &mut dyn FnMut()) -> Result<Option<PortLock>, Held> {
+fn lock_waiting(
+    device: &Path,
+    line: &str,
+    dirs: &[PathBuf],
+    wait: &mut dyn FnMut(),
+) -> Result<Option<PortLock>, Held> {
     for dir in dirs {
         let path = dir.join(file_name(device));
         match take(&path, line, wait) {
             Ok(Taken::Ours(file)) => return Ok(Some(PortLock { _file: file, path })),
             Ok(Taken::Others(holder)) => return Err(Held { holder, path }),
-            Err(error) => tracing::debug!(lock = %path.display(), %error, "cannot create the lock file"),
+            Err(error) => {
+                tracing::debug!(lock = %path.display(), %error, "cannot create the lock file")
+            }
         }
     }
     Ok(None)
@@ -66,7 +73,10 @@ impl Drop for PortLock {
 
 /// `LCK..ttyUSB0`, `LCK..pts_3`: the names that terminal programs use.
 fn file_name(device: &Path) -> String {
-    let name = device.strip_prefix("/dev").unwrap_or(device).to_string_lossy();
+    let name = device
+        .strip_prefix("/dev")
+        .unwrap_or(device)
+        .to_string_lossy();
     format!("LCK..{}", name.trim_start_matches('/').replace('/', "_"))
 }
 
@@ -125,15 +135,22 @@ fn open(path: &Path) -> io::Result<(File, bool)> {
     let flags = i32::try_from((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits()).unwrap_or(0);
     let options = |may_write: bool| {
         let mut options = OpenOptions::new();
-        options.read(true).write(may_write).custom_flags(flags).mode(0o644);
+        options
+            .read(true)
+            .write(may_write)
+            .custom_flags(flags)
+            .mode(0o644);
         options
     };
     match options(true).open(path) {
         Ok(file) => Ok((file, true)),
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            options(true).create_new(true).open(path).map(|file| (file, true))
+        Err(error) if error.kind() == ErrorKind::NotFound => options(true)
+            .create_new(true)
+            .open(path)
+            .map(|file| (file, true)),
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => {
+            options(false).open(path).map(|it| (it, false))
         }
-        Err(error) if error.kind() == ErrorKind::PermissionDenied => options(false).open(path).map(|it| (it, false)),
         Err(error) => Err(error),
     }
 }
@@ -141,7 +158,8 @@ fn open(path: &Path) -> io::Result<(File, bool)> {
 /// Whether `file` is still the file at `path`: its holder removes it at the end.
 fn is_at(file: &File, path: &Path) -> io::Result<bool> {
     let ours = file.metadata()?;
-    Ok(std::fs::symlink_metadata(path).is_ok_and(|there| (there.dev(), there.ino()) == (ours.dev(), ours.ino())))
+    Ok(std::fs::symlink_metadata(path)
+        .is_ok_and(|there| (there.dev(), there.ino()) == (ours.dev(), ours.ino())))
 }
 
 /// The contents of a lock file.
@@ -164,11 +182,16 @@ impl Holder {
         let mut words = text.split_whitespace();
         let process = words.next().and_then(|number| number.parse().ok());
         let program = words.next().unwrap_or_default().to_owned();
-        Self { process, program, more: words.collect::<Vec<_>>().join(" ") }
+        Self {
+            process,
+            program,
+            more: words.collect::<Vec<_>>().join(" "),
+        }
     }
 
     fn is_alive(&self) -> bool {
-        self.process.is_some_and(|process| Path::new("/proc").join(process.to_string()).exists())
+        self.process
+            .is_some_and(|process| Path::new("/proc").join(process.to_string()).exists())
     }
 
     fn named(&self) -> String {
@@ -176,7 +199,10 @@ impl Holder {
             (Some(process), PROGRAM) if process == std::process::id() => {
                 format!("line {} of this gateway", self.more)
             }
-            (Some(process), PROGRAM) => format!("line {} of the {PROGRAM} that is process {process}", self.more),
+            (Some(process), PROGRAM) => format!(
+                "line {} of the {PROGRAM} that is process {process}",
+                self.more
+            ),
             (Some(process), "") => format!("process {process}"),
             (Some(process), program) => format!("process {process} ({program})"),
             (None, _) => "another program".to_owned(),
@@ -220,10 +246,19 @@ mod tests {
         let dir = Dir::new();
         let first = dir.lock(DEVICE, "hall-1").unwrap();
         let text = std::fs::read_to_string(dir.file()).unwrap();
-        assert_eq!(text, format!("{:>10} vfd-gateway hall-1\n", std::process::id()));
+        assert_eq!(
+            text,
+            format!("{:>10} vfd-gateway hall-1\n", std::process::id())
+        );
         let held = dir.lock(DEVICE, "hall-2").unwrap_err().to_string();
-        assert!(held.contains("line hall-1 of this gateway") && held.contains("LCK..ttyUSB0"), "{held}");
-        assert!(dir.lock("/dev/ttyUSB1", "hall-2").unwrap().is_some(), "another device");
+        assert!(
+            held.contains("line hall-1 of this gateway") && held.contains("LCK..ttyUSB0"),
+            "{held}"
+        );
+        assert!(
+            dir.lock("/dev/ttyUSB1", "hall-2").unwrap().is_some(),
+            "another device"
+        );
         drop(first);
         assert!(!dir.file().exists());
         assert!(dir.lock(DEVICE, "hall-2").unwrap().is_some());
@@ -233,11 +268,20 @@ mod tests {
     fn a_lock_of_the_dead_is_taken_over() {
         let dir = Dir::new();
         // No process has the id 0, and this one has released the file.
-        for text in ["         0 minicom me\n", &format!("{:>10} vfd-gateway old\n", std::process::id()), "", "rubbish"]
-        {
+        for text in [
+            "         0 minicom me\n",
+            &format!("{:>10} vfd-gateway old\n", std::process::id()),
+            "",
+            "rubbish",
+        ] {
             std::fs::write(dir.file(), text).unwrap();
             let lock = dir.lock(DEVICE, "hall-1").unwrap();
-            assert!(std::fs::read_to_string(dir.file()).unwrap().ends_with("vfd-gateway hall-1\n"), "{text}");
+            assert!(
+                std::fs::read_to_string(dir.file())
+                    .unwrap()
+                    .ends_with("vfd-gateway hall-1\n"),
+                "{text}"
+            );
             drop(lock);
         }
     }
@@ -248,7 +292,10 @@ mod tests {
         let text = format!("{:>10} minicom me\n", std::process::id());
         std::fs::write(dir.file(), &text).unwrap();
         let held = dir.lock(DEVICE, "hall-1").unwrap_err().to_string();
-        assert!(held.contains(&format!("process {} (minicom)", std::process::id())), "{held}");
+        assert!(
+            held.contains(&format!("process {} (minicom)", std::process::id())),
+            "{held}"
+        );
         assert_eq!(std::fs::read_to_string(dir.file()).unwrap(), text);
     }
 
@@ -257,20 +304,43 @@ mod tests {
         let dir = Dir::new();
         let mut file = File::create_new(dir.file()).unwrap();
         flock(&file, FlockOperation::NonBlockingLockExclusive).unwrap();
-        assert!(dir.lock(DEVICE, "hall-1").unwrap_err().to_string().contains("another program"), "who never says it");
+        assert!(
+            dir.lock(DEVICE, "hall-1")
+                .unwrap_err()
+                .to_string()
+                .contains("another program"),
+            "who never says it"
+        );
         let mut writes = || file.write_all(b"         1 vfd-gateway hall-2\n").unwrap();
-        let held = lock_waiting(Path::new(DEVICE), "hall-1", &[dir.0.to_owned()], &mut writes);
+        let held = lock_waiting(
+            Path::new(DEVICE),
+            "hall-1",
+            &[dir.0.to_owned()],
+            &mut writes,
+        );
         let held = held.unwrap_err().to_string();
-        assert!(held.contains("line hall-2 of the vfd-gateway that is process 1"), "{held}");
+        assert!(
+            held.contains("line hall-2 of the vfd-gateway that is process 1"),
+            "{held}"
+        );
     }
 
     #[test]
     fn where_nothing_can_be_written_the_next_directory_serves_or_none() {
         let dir = Dir::new();
         let nowhere = PathBuf::from("/nonexistent");
-        let second = lock(Path::new(DEVICE), "hall-1", &[nowhere.clone(), dir.0.to_owned()]).unwrap();
+        let second = lock(
+            Path::new(DEVICE),
+            "hall-1",
+            &[nowhere.clone(), dir.0.to_owned()],
+        )
+        .unwrap();
         assert!(second.is_some() && dir.file().exists());
-        assert!(lock(Path::new(DEVICE), "hall-1", &[nowhere]).unwrap().is_none());
+        assert!(
+            lock(Path::new(DEVICE), "hall-1", &[nowhere])
+                .unwrap()
+                .is_none()
+        );
     }
 
     #[test]

@@ -92,7 +92,11 @@ impl<'a> Opener<'a> {
     /// An opener for the port that `settings` describe.
     #[must_use]
     pub fn new(settings: &'a PortSettings) -> Self {
-        Self { settings, lookup: Lookup::default(), advice: Advice::default() }
+        Self {
+            settings,
+            lookup: Lookup::default(),
+            advice: Advice::default(),
+        }
     }
 
     /// Opens the port. A device is opened at once; connecting takes a few seconds at most, without blocking.
@@ -102,9 +106,9 @@ impl<'a> Opener<'a> {
     pub async fn open(&mut self) -> Result<Port, OpenError> {
         match &self.settings.address {
             PortAddress::Device(path) => Ok(Port::Serial(SerialPort::open(path, self.settings)?)),
-            PortAddress::Tcp { host, port } | PortAddress::ModbusTcp { host, port } => {
-                Ok(Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?))
-            }
+            PortAddress::Tcp { host, port } | PortAddress::ModbusTcp { host, port } => Ok(
+                Port::Tcp(TcpPort::open(host, *port, &mut self.lookup).await?),
+            ),
         }
     }
 
@@ -170,7 +174,14 @@ impl Port {
         };
         match read {
             Ok(bytes) => Ok(Some(bytes)),
-            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => Ok(None),
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
+                ) =>
+            {
+                Ok(None)
+            }
             Err(error) => Err(error),
         }
     }
@@ -191,5 +202,9 @@ impl Port {
 
 /// Success if all of `frame` was accepted.
 fn all_of(frame: &[u8], taken: usize) -> io::Result<()> {
-    if taken == frame.len() { Ok(()) } else { Err(io::ErrorKind::WriteZero.into()) }
+    if taken == frame.len() {
+        Ok(())
+    } else {
+        Err(io::ErrorKind::WriteZero.into())
+    }
 }

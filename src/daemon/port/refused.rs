@@ -25,7 +25,11 @@ impl Advice {
         if is_same && self.attempts < ATTEMPTS_PER_ADVICE {
             self.attempts += 1;
         } else {
-            *self = Self { errno: error.raw_os_error(), words: words(path, error), attempts: 1 };
+            *self = Self {
+                errno: error.raw_os_error(),
+                words: words(path, error),
+                attempts: 1,
+            };
         }
         self.words.clone()
     }
@@ -33,8 +37,14 @@ impl Advice {
 
 /// The error behind a refusal of `tokio-serial`, which drops its number.
 pub(super) fn error_of(device: &Path, refusal: tokio_serial::Error) -> io::Error {
-    let flags = i32::try_from((rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::NONBLOCK).bits()).unwrap_or(0);
-    match OpenOptions::new().read(true).write(true).custom_flags(flags).open(device) {
+    let flags = i32::try_from((rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::NONBLOCK).bits())
+        .unwrap_or(0);
+    match OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(flags)
+        .open(device)
+    {
         Err(error) => error,
         Ok(file) if !rustix::termios::isatty(&file) => Errno::NOTTY.into(),
         Ok(_) => refusal.into(),
@@ -46,15 +56,22 @@ fn words(path: &Path, error: &io::Error) -> String {
         Some(Errno::NOENT) => format!("there is no such device; {}", offered(&adapters::names())),
         Some(Errno::ACCESS | Errno::PERM) => not_allowed(&adapters::group_of(path)),
         Some(Errno::BUSY) => in_use(&adapters::holders_of(path)),
-        Some(Errno::IO | Errno::NXIO | Errno::NODEV) => "there is no hardware behind this device".to_owned(),
-        Some(Errno::NOTTY | Errno::ISDIR | Errno::INVAL | Errno::NOTDIR) => "this is not a serial device".to_owned(),
+        Some(Errno::IO | Errno::NXIO | Errno::NODEV) => {
+            "there is no hardware behind this device".to_owned()
+        }
+        Some(Errno::NOTTY | Errno::ISDIR | Errno::INVAL | Errno::NOTDIR) => {
+            "this is not a serial device".to_owned()
+        }
         _ => error.to_string(),
     }
 }
 
 fn offered(names: &[String]) -> String {
     match names {
-        [] => "this host has no serial port: plug the adapter in, or pass its device to the container".to_owned(),
+        [] => {
+            "this host has no serial port: plug the adapter in, or pass its device to the container"
+                .to_owned()
+        }
         names => format!("serial ports of this host: {}", names.join(", ")),
     }
 }
@@ -67,7 +84,11 @@ fn not_allowed(group: &str) -> String {
 }
 
 fn in_use(holders: &[String]) -> String {
-    let by = if holders.is_empty() { "another program".to_owned() } else { holders.join(", ") };
+    let by = if holders.is_empty() {
+        "another program".to_owned()
+    } else {
+        holders.join(", ")
+    };
     format!("in use by {by}; stop it, or give this line a port of its own")
 }
 
@@ -85,10 +106,18 @@ mod tests {
         assert!(said(Errno::BUSY).contains("in use by another program; stop it"));
         assert!(said(Errno::IO).contains("no hardware"));
         assert!(said(Errno::NOTTY).contains("not a serial device"));
-        assert_eq!(said(Errno::MFILE), io::Error::from(Errno::MFILE).to_string());
+        assert_eq!(
+            said(Errno::MFILE),
+            io::Error::from(Errno::MFILE).to_string()
+        );
         assert!(not_allowed("dialout").contains("usermod -aG dialout USER"));
-        assert!(in_use(&["minicom (process 42)".to_owned()]).contains("in use by minicom (process 42)"));
-        assert!(offered(&["/dev/ttyUSB0".to_owned()]).ends_with("serial ports of this host: /dev/ttyUSB0"));
+        assert!(
+            in_use(&["minicom (process 42)".to_owned()]).contains("in use by minicom (process 42)")
+        );
+        assert!(
+            offered(&["/dev/ttyUSB0".to_owned()])
+                .ends_with("serial ports of this host: /dev/ttyUSB0")
+        );
         assert!(offered(&[]).contains("has no serial port"));
     }
 

@@ -51,25 +51,41 @@ impl SerialPort {
         let lock = lock::lock(&device, &settings.line, &settings.lock_dirs)?;
         let link = settings.link;
         let builder = tokio_serial::new(device.to_string_lossy(), link.baud)
-            .data_bits(if link.data_bits == 7 { DataBits::Seven } else { DataBits::Eight })
+            .data_bits(if link.data_bits == 7 {
+                DataBits::Seven
+            } else {
+                DataBits::Eight
+            })
             .parity(match link.parity {
                 Parity::None => tokio_serial::Parity::None,
                 Parity::Even => tokio_serial::Parity::Even,
                 Parity::Odd => tokio_serial::Parity::Odd,
             })
-            .stop_bits(if link.stop_bits == 2 { StopBits::Two } else { StopBits::One });
-        let stream = SerialStream::open(&builder).map_err(|refusal| refused::error_of(&device, refusal))?;
+            .stop_bits(if link.stop_bits == 2 {
+                StopBits::Two
+            } else {
+                StopBits::One
+            });
+        let stream =
+            SerialStream::open(&builder).map_err(|refusal| refused::error_of(&device, refusal))?;
         check_settings(&stream, link, is_pty)?;
         let mut port = Self {
             stream: sys::readable(stream)?,
-            kind: if is_pty { PortKind::Virtual } else { PortKind::Serial },
+            kind: if is_pty {
+                PortKind::Virtual
+            } else {
+                PortKind::Serial
+            },
             link,
             sets_rts: settings.direction == DirectionControl::Rts,
             remark: None,
             _lock: lock,
         };
         port.set_up(&device, settings)?;
-        port.stream.get_ref().clear(ClearBuffer::All).map_err(io::Error::from)?;
+        port.stream
+            .get_ref()
+            .clear(ClearBuffer::All)
+            .map_err(io::Error::from)?;
         Ok(port)
     }
 
@@ -87,7 +103,9 @@ impl SerialPort {
         if settings.low_latency
             && let Err(error) = driver::ask_for_low_latency(self.fd())
         {
-            self.remark = Some(format!("the driver refuses low latency (TIOCSSERIAL): {error}"));
+            self.remark = Some(format!(
+                "the driver refuses low latency (TIOCSSERIAL): {error}"
+            ));
         }
         self.remark = driver::latency_remark(device).or(self.remark.take());
         Ok(())
@@ -117,7 +135,9 @@ impl SerialPort {
         }
         self.set_rts(true)?;
         let begun = clock::now();
-        let written = self.write(frame).map(|()| self.wait_until_sent(begun + self.link.bytes(frame.len())));
+        let written = self
+            .write(frame)
+            .map(|()| self.wait_until_sent(begun + self.link.bytes(frame.len())));
         written.and(self.set_rts(false))
     }
 
@@ -142,7 +162,10 @@ impl SerialPort {
     }
 
     fn set_rts(&mut self, is_set: bool) -> io::Result<()> {
-        self.stream.get_mut().write_request_to_send(is_set).map_err(io::Error::from)
+        self.stream
+            .get_mut()
+            .write_request_to_send(is_set)
+            .map_err(io::Error::from)
     }
 
     fn fd(&self) -> BorrowedFd<'_> {
@@ -161,12 +184,17 @@ impl Drop for SerialPort {
 /// Whether `path` leads to a pseudo-terminal.
 fn is_pty(path: &Path) -> io::Result<bool> {
     let metadata = std::fs::metadata(path)?;
-    Ok(metadata.file_type().is_char_device() && PTY_MAJORS.contains(&rustix::fs::major(metadata.rdev())))
+    Ok(metadata.file_type().is_char_device()
+        && PTY_MAJORS.contains(&rustix::fs::major(metadata.rdev())))
 }
 
 /// Reads the settings back. A pseudo-terminal carries whole bytes without parity whatever is set (Linux,
 /// `pty_set_termios`), so the character format does not matter there.
-fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> Result<(), OpenError> {
+fn check_settings(
+    stream: &SerialStream,
+    wanted: LinkSettings,
+    on_pty: bool,
+) -> Result<(), OpenError> {
     let baud = stream.baud_rate().map_err(io::Error::from)?;
     let data_bits = stream.data_bits().map_err(io::Error::from)?;
     let parity = stream.parity().map_err(io::Error::from)?;
@@ -178,9 +206,19 @@ fn check_settings(stream: &SerialStream, wanted: LinkSettings, on_pty: bool) -> 
             | (tokio_serial::Parity::Odd, Parity::Odd)
     );
     let same_characters = u8::from(data_bits) == wanted.data_bits && same_parity;
-    let fits = baud == wanted.baud && u8::from(stop_bits) == wanted.stop_bits && (same_characters || on_pty);
-    let held = || format!("{baud} bit/s, {data_bits} data bits, parity {parity}, {stop_bits} stop bits");
-    if fits { Ok(()) } else { Err(OpenError::Settings { wanted, held: held() }) }
+    let fits = baud == wanted.baud
+        && u8::from(stop_bits) == wanted.stop_bits
+        && (same_characters || on_pty);
+    let held =
+        || format!("{baud} bit/s, {data_bits} data bits, parity {parity}, {stop_bits} stop bits");
+    if fits {
+        Ok(())
+    } else {
+        Err(OpenError::Settings {
+            wanted,
+            held: held(),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -202,7 +240,10 @@ mod tests {
         }
     }
 
-    fn opened(path: &Path, change: impl FnOnce(&mut PortSettings)) -> Result<SerialPort, OpenError> {
+    fn opened(
+        path: &Path,
+        change: impl FnOnce(&mut PortSettings),
+    ) -> Result<SerialPort, OpenError> {
         let mut settings = settings(path);
         change(&mut settings);
         SerialPort::open(path, &settings)
@@ -212,15 +253,28 @@ mod tests {
     async fn a_pseudo_terminal_serves_for_every_form_of_characters() {
         let pty = Pty::new().unwrap();
         let link = LinkSettings::DEFAULT;
-        for link in [link, LinkSettings { data_bits: 7, parity: Parity::Even, ..link }] {
+        for link in [
+            link,
+            LinkSettings {
+                data_bits: 7,
+                parity: Parity::Even,
+                ..link
+            },
+        ] {
             let port = opened(pty.path(), |it| it.link = link).unwrap();
-            assert_eq!((port.kind(), port.remark()), (PortKind::Virtual, None), "{link}");
+            assert_eq!(
+                (port.kind(), port.remark()),
+                (PortKind::Virtual, None),
+                "{link}"
+            );
         }
     }
 
     #[tokio::test]
     async fn a_port_that_is_not_there_is_reported_as_the_system_tells_it() {
-        let missing = opened(Path::new("/dev/no-such-port"), |_| {}).unwrap_err().to_string();
+        let missing = opened(Path::new("/dev/no-such-port"), |_| {})
+            .unwrap_err()
+            .to_string();
         assert!(missing.contains("No such file"), "{missing}");
     }
 
@@ -232,11 +286,15 @@ mod tests {
         let first = opened(pty.path(), |_| {}).unwrap();
         let told = opened(&link, |it| it.line = "hall-2".to_owned()).unwrap_err();
         assert!(
-            matches!(told, OpenError::Taken(_)) && told.to_string().contains("line hall-1 of this gateway"),
+            matches!(told, OpenError::Taken(_))
+                && told.to_string().contains("line hall-1 of this gateway"),
             "{told}"
         );
         // Without a directory for lock files the system refuses.
-        let told = opened(&link, |it| it.lock_dirs = vec![PathBuf::from("/nonexistent")]).unwrap_err();
+        let told = opened(&link, |it| {
+            it.lock_dirs = vec![PathBuf::from("/nonexistent")]
+        })
+        .unwrap_err();
         assert!(matches!(told, OpenError::Refused(_)), "{told}");
         drop(first);
         assert!(opened(&link, |_| {}).is_ok());
@@ -245,13 +303,22 @@ mod tests {
     #[tokio::test]
     async fn a_port_that_cannot_turn_the_direction_is_reported_with_the_call() {
         let pty = Pty::new().unwrap();
-        for (direction, call) in [(DirectionControl::Kernel, "TIOCSRS485"), (DirectionControl::Rts, "TIOCMBIC")] {
+        for (direction, call) in [
+            (DirectionControl::Kernel, "TIOCSRS485"),
+            (DirectionControl::Rts, "TIOCMBIC"),
+        ] {
             let told = opened(pty.path(), |it| it.direction = direction).unwrap_err();
             let text = told.to_string();
             assert!(matches!(told, OpenError::Direction(_)), "{text}");
-            assert!(text.contains(call) && text.contains("\"adapter\""), "{text}");
+            assert!(
+                text.contains(call) && text.contains("\"adapter\""),
+                "{text}"
+            );
         }
-        assert!(opened(pty.path(), |_| {}).is_ok(), "nothing was left locked");
+        assert!(
+            opened(pty.path(), |_| {}).is_ok(),
+            "nothing was left locked"
+        );
     }
 
     #[tokio::test]
@@ -261,6 +328,9 @@ mod tests {
         let begun = clock::now();
         port.wait_until_sent(begun + Duration::from_millis(5));
         let waited = clock::now().since(begun);
-        assert!(waited >= Duration::from_millis(5) + BEGINS_LATE_MAX, "{waited:?}");
+        assert!(
+            waited >= Duration::from_millis(5) + BEGINS_LATE_MAX,
+            "{waited:?}"
+        );
     }
 }

@@ -38,15 +38,23 @@ pub(super) struct Lookup {
 
 impl TcpPort {
     /// Connects to `host`. Bytes that the peer received on its line before are not requested.
-    pub(super) async fn open(host: &str, port: u16, lookup: &mut Lookup) -> Result<Self, OpenError> {
+    pub(super) async fn open(
+        host: &str,
+        port: u16,
+        lookup: &mut Lookup,
+    ) -> Result<Self, OpenError> {
         let mut why = OpenError::NoConnection(format!("the name {host} has no address"));
         for address in lookup.addresses(host, port).await? {
-            match tokio::time::timeout(CONNECT_WITHIN, tokio::net::TcpStream::connect(address)).await {
+            match tokio::time::timeout(CONNECT_WITHIN, tokio::net::TcpStream::connect(address))
+                .await
+            {
                 Ok(Ok(stream)) => return Ok(Self::new(stream.into_std()?)?),
                 Ok(Err(error)) => why = OpenError::NoConnection(format!("{address}: {error}")),
                 Err(_) => {
                     let within = CONNECT_WITHIN.as_secs();
-                    why = OpenError::NoConnection(format!("{address} does not answer within {within} s"));
+                    why = OpenError::NoConnection(format!(
+                        "{address} does not answer within {within} s"
+                    ));
                 }
             }
         }
@@ -64,7 +72,9 @@ impl TcpPort {
         sockopt::set_tcp_keepcnt(&stream, KEEP_ALIVE_PROBES)?;
         // Bytes still under way when the port is given up must not reach the line later.
         sockopt::set_socket_linger(&stream, Some(Duration::ZERO))?;
-        Ok(Self { stream: sys::readable(stream)? })
+        Ok(Self {
+            stream: sys::readable(stream)?,
+        })
     }
 
     pub(super) fn poll_readable(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -89,16 +99,23 @@ impl Lookup {
         let name = host.to_owned();
         let running = self.running.get_or_insert_with(|| {
             tokio::task::spawn_blocking(move || {
-                (name.as_str(), port).to_socket_addrs().map(|found| found.take(ADDRESSES_MAX).collect())
+                (name.as_str(), port)
+                    .to_socket_addrs()
+                    .map(|found| found.take(ADDRESSES_MAX).collect())
             })
         });
         let Ok(ended) = tokio::time::timeout(LOOKUP_WITHIN, running).await else {
-            let what = format!("the name {host} is not found within {} s", LOOKUP_WITHIN.as_secs());
+            let what = format!(
+                "the name {host} is not found within {} s",
+                LOOKUP_WITHIN.as_secs()
+            );
             return Err(OpenError::NoConnection(what));
         };
         self.running = None;
         let found = ended.unwrap_or_else(|error| Err(io::Error::other(error)));
-        found.map_err(|error| OpenError::NoConnection(format!("the name {host} is not found: {error}")))
+        found.map_err(|error| {
+            OpenError::NoConnection(format!("the name {host} is not found: {error}"))
+        })
     }
 }
 
@@ -117,7 +134,10 @@ mod tests {
     fn settings(host: &str, port: u16) -> PortSettings {
         PortSettings {
             line: "hall-1".to_owned(),
-            address: PortAddress::Tcp { host: host.to_owned(), port },
+            address: PortAddress::Tcp {
+                host: host.to_owned(),
+                port,
+            },
             link: LinkSettings::DEFAULT,
             direction: DirectionControl::Adapter,
             low_latency: true,
@@ -136,10 +156,18 @@ mod tests {
 
     #[tokio::test]
     async fn bytes_go_both_ways_and_the_end_is_reported() {
-        for (bind, host) in [("127.0.0.1:0", "127.0.0.1"), ("127.0.0.1:0", "localhost"), ("[::1]:0", "::1")] {
+        for (bind, host) in [
+            ("127.0.0.1:0", "127.0.0.1"),
+            ("127.0.0.1:0", "localhost"),
+            ("[::1]:0", "::1"),
+        ] {
             // Skipped on a machine without IPv6.
-            let Ok(server) = TcpListener::bind(bind) else { continue };
-            let mut port = opened(host, server.local_addr().unwrap().port()).await.unwrap();
+            let Ok(server) = TcpListener::bind(bind) else {
+                continue;
+            };
+            let mut port = opened(host, server.local_addr().unwrap().port())
+                .await
+                .unwrap();
             assert_eq!(port.kind(), PortKind::Virtual);
             let mut peer = server.accept().unwrap().0;
             let mut buffer = [0; 16];
@@ -159,35 +187,69 @@ mod tests {
     #[tokio::test]
     async fn a_vanished_peer_is_noticed_and_nothing_is_sent_after_the_end() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
-        let Port::Tcp(port) = opened("127.0.0.1", server.local_addr().unwrap().port()).await.unwrap() else { panic!() };
+        let Port::Tcp(port) = opened("127.0.0.1", server.local_addr().unwrap().port())
+            .await
+            .unwrap()
+        else {
+            panic!()
+        };
         let stream = port.stream.get_ref();
         assert!(stream.nodelay().unwrap());
         assert_eq!(sockopt::tcp_user_timeout(stream.as_fd()).unwrap(), 3000);
         assert!(sockopt::socket_keepalive(stream.as_fd()).unwrap());
-        assert_eq!(sockopt::socket_linger(stream.as_fd()).unwrap(), Some(Duration::ZERO));
+        assert_eq!(
+            sockopt::socket_linger(stream.as_fd()).unwrap(),
+            Some(Duration::ZERO)
+        );
         let mut peer = server.accept().unwrap().0;
         drop(port);
         let mut rest = Vec::new();
-        assert_eq!(peer.read_to_end(&mut rest).unwrap_err().kind(), io::ErrorKind::ConnectionReset);
+        assert_eq!(
+            peer.read_to_end(&mut rest).unwrap_err().kind(),
+            io::ErrorKind::ConnectionReset
+        );
     }
 
     #[tokio::test]
     async fn a_peer_that_takes_no_bytes_is_reported_as_such() {
         let server = TcpListener::bind("127.0.0.1:0").unwrap();
-        let mut port = opened("127.0.0.1", server.local_addr().unwrap().port()).await.unwrap();
+        let mut port = opened("127.0.0.1", server.local_addr().unwrap().port())
+            .await
+            .unwrap();
         let peer = server.accept().unwrap().0;
         let frame = [0x55; 4096];
-        let refused = (0..100_000).find_map(|_| port.write_frame(&frame).err()).unwrap();
-        assert!(matches!(refused.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::WriteZero), "{refused:?}");
+        let refused = (0..100_000)
+            .find_map(|_| port.write_frame(&frame).err())
+            .unwrap();
+        assert!(
+            matches!(
+                refused.kind(),
+                io::ErrorKind::WouldBlock | io::ErrorKind::WriteZero
+            ),
+            "{refused:?}"
+        );
         drop(peer);
     }
 
     #[tokio::test]
     async fn who_refuses_is_named() {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = TcpListener::bind("127.0.0.1:0")
+            .unwrap()
+            .local_addr()
+            .unwrap()
+            .port();
         let told = opened("127.0.0.1", port).await.unwrap_err().to_string();
-        assert!(told.contains(&format!("127.0.0.1:{port}: ")) && told.contains("refused"), "{told}");
-        let told = opened("no-such-host.invalid", port).await.unwrap_err().to_string();
-        assert!(told.contains("the name no-such-host.invalid is not found"), "{told}");
+        assert!(
+            told.contains(&format!("127.0.0.1:{port}: ")) && told.contains("refused"),
+            "{told}"
+        );
+        let told = opened("no-such-host.invalid", port)
+            .await
+            .unwrap_err()
+            .to_string();
+        assert!(
+            told.contains("the name no-such-host.invalid is not found"),
+            "{told}"
+        );
     }
 }

@@ -60,7 +60,9 @@ impl PortAsker {
     }
 
     fn line(&self) -> Result<&ToolLine, ScanError> {
-        self.line.as_ref().ok_or_else(|| ScanError::new("the line is not open"))
+        self.line
+            .as_ref()
+            .ok_or_else(|| ScanError::new("the line is not open"))
     }
 
     /// Only listens, and refuses a line with traffic: two masters take each other's answers.
@@ -76,13 +78,17 @@ impl PortAsker {
             )
         } else if heard.noise_bytes > LOOSE_BYTES_MAX {
             let bytes = heard.noise_bytes;
-            format!("{bytes} bytes were heard on {place} within {seconds} s that make no frame at {link}")
+            format!(
+                "{bytes} bytes were heard on {place} within {seconds} s that make no frame at {link}"
+            )
         } else {
             self.has_listened = true;
             return Ok(());
         };
         let right = "stop the other master, a PLC or another gateway, and scan again";
-        Err(ScanError::new(format!("the line is in use: {how}; {right}")))
+        Err(ScanError::new(format!(
+            "the line is in use: {how}; {right}"
+        )))
     }
 
     /// The counters since the last call.
@@ -107,20 +113,38 @@ impl PortAsker {
 impl Asker for PortAsker {
     async fn open(&mut self, setting: &Setting, stations: &[u8]) -> Result<(), ScanError> {
         self.close().await;
-        let drives: Vec<_> = stations.iter().filter_map(|station| setting.station(*station)).collect();
-        let port = ToolPort { link: setting.link, ..self.port.clone() };
+        let drives: Vec<_> = stations
+            .iter()
+            .filter_map(|station| setting.station(*station))
+            .collect();
+        let port = ToolPort {
+            link: setting.link,
+            ..self.port.clone()
+        };
         self.line = Some(ToolLine::open(&port, &self.name, setting.timing(), drives).await?);
         self.stations = stations.to_vec();
         self.patience = setting.timeout * 2 + setting.lateness + LATE;
         self.seen = LineCounters::default();
-        if self.has_listened { Ok(()) } else { self.listen(setting.link).await }
+        if self.has_listened {
+            Ok(())
+        } else {
+            self.listen(setting.link).await
+        }
     }
 
     async fn ask(&mut self, station: u8, address: Address) -> Result<Heard, ScanError> {
-        let place = self.stations.iter().position(|it| *it == station).and_then(|place| u16::try_from(place).ok());
-        let place = place.ok_or_else(|| ScanError::new(format!("station {station} is not on the line")))?;
+        let place = self
+            .stations
+            .iter()
+            .position(|it| *it == station)
+            .and_then(|place| u16::try_from(place).ok());
+        let place =
+            place.ok_or_else(|| ScanError::new(format!("station {station} is not on the line")))?;
         self.counted()?;
-        let read = self.line()?.read(place, address, clock::now() + self.patience).await;
+        let read = self
+            .line()?
+            .read(place, address, clock::now() + self.patience)
+            .await;
         let counted = self.counted()?;
         if counted.other_master > 0 {
             let what = "the line is in use: requests of another master were heard; stop that master and scan again";
@@ -131,8 +155,16 @@ impl Asker for PortAsker {
             Err(report) => match (report.exception, report.reason) {
                 (Some(code), _) => Ok(Heard::Exception(code)),
                 (None, Reason::LineDown) => {
-                    let fault = self.line()?.report().fault.map(|fault| format!(": {fault}")).unwrap_or_default();
-                    Err(ScanError::new(format!("{} is lost{fault}", self.port.address)))
+                    let fault = self
+                        .line()?
+                        .report()
+                        .fault
+                        .map(|fault| format!(": {fault}"))
+                        .unwrap_or_default();
+                    Err(ScanError::new(format!(
+                        "{} is lost{fault}",
+                        self.port.address
+                    )))
                 }
                 (None, _) if counted.garbled > 0 || counted.noise_bytes > 0 => Ok(Heard::Damaged),
                 (None, _) => Ok(Heard::Silent),

@@ -40,19 +40,30 @@ pub struct Suspect {
 impl Suspect {
     /// A model to look for.
     pub fn new(model: &Arc<Model>, is_factory: bool) -> Self {
-        Self { words: words(model), model: Arc::clone(model), is_factory }
+        Self {
+            words: words(model),
+            model: Arc::clone(model),
+            is_factory,
+        }
     }
 
     /// Most registers of `self` are registers of `other` too: what answers as `other` may well be `self`.
     fn is_like(&self, other: &Self) -> bool {
-        let shared = self.words.keys().filter(|address| other.words.contains_key(address)).count();
+        let shared = self
+            .words
+            .keys()
+            .filter(|address| other.words.contains_key(address))
+            .count();
         2 * shared >= self.words.len()
     }
 }
 
 /// The words that a scan may read from a drive of `model`: one by one, so no halves of pairs.
 pub fn words(model: &Model) -> BTreeMap<Address, bool> {
-    let single = model.registers.iter().filter(|it| it.access.can_read() && it.form.words() == 1);
+    let single = model
+        .registers
+        .iter()
+        .filter(|it| it.access.can_read() && it.form.words() == 1);
     let mut words = BTreeMap::new();
     for register in single {
         *words.entry(register.address).or_default() |= register.confidence.is_proven();
@@ -95,12 +106,15 @@ impl Evidence {
 
     /// The station also answers where no model has a register: an answer proves little.
     pub fn answers_anything(&self) -> bool {
-        self.nowhere.iter().any(|address| matches!(self.at(*address), Some(Heard::Word(_))))
+        self.nowhere
+            .iter()
+            .any(|address| matches!(self.at(*address), Some(Heard::Word(_))))
     }
 
     fn refuses(&self) -> bool {
-        let refused =
-            |(address, heard): (&Address, &Heard)| !matches!(heard, Heard::Word(_)) && !self.early.contains(address);
+        let refused = |(address, heard): (&Address, &Heard)| {
+            !matches!(heard, Heard::Word(_)) && !self.early.contains(address)
+        };
         self.heard.iter().any(refused)
     }
 }
@@ -143,7 +157,8 @@ impl Standing {
                         None => 0,
                     };
                     // What a file says of all other addresses: sure enough for one mark, however many there are.
-                    let answers = model.read.reads_holes() || (*heard == Heard::Silent && !model.exceptions.is_empty());
+                    let answers = model.read.reads_holes()
+                        || (*heard == Heard::Silent && !model.exceptions.is_empty());
                     is_odd |= answers && model.readable_at(*address).is_none();
                 }
             }
@@ -154,8 +169,11 @@ impl Standing {
 
     fn word(&mut self, model: &Model, address: Address, word: u16, is_own: bool, refuses: bool) {
         if let Some(identity) = model.identity.as_ref().filter(|it| it.address == address) {
-            self.identity =
-                Some(if identity.is_right(word) { Identified::As } else { Identified::Other(word & identity.mask) });
+            self.identity = Some(if identity.is_right(word) {
+                Identified::As
+            } else {
+                Identified::Other(word & identity.mask)
+            });
         }
         let proves = match model.read.holes.as_ref().map(|it| it.value) {
             None | Some(Holes::Refused) => true,
@@ -164,7 +182,11 @@ impl Standing {
         };
         if is_own {
             self.answered += usize::from(proves);
-            self.against += usize::from(model.fields_at(address).any(|register| !register.takes(word)));
+            self.against += usize::from(
+                model
+                    .fields_at(address)
+                    .any(|register| !register.takes(word)),
+            );
         } else if refuses && proves && model.readable_at(address).is_none() {
             self.unexplained += 1;
         }
@@ -176,13 +198,20 @@ impl Standing {
 
     /// The name that the identity of `suspect` gives the drive, if nothing else contradicts that model.
     fn names_other(self, suspect: &Suspect) -> Option<&str> {
-        let Some(Identified::Other(word)) = self.identity.filter(|_| self.against == 0) else { return None };
+        let Some(Identified::Other(word)) = self.identity.filter(|_| self.against == 0) else {
+            return None;
+        };
         suspect.model.identity.as_ref()?.other(word)
     }
 
     /// The best is the least.
     fn rank(self) -> impl Ord {
-        (self.identity.is_none(), self.unexplained, self.against, std::cmp::Reverse(self.answered))
+        (
+            self.identity.is_none(),
+            self.unexplained,
+            self.against,
+            std::cmp::Reverse(self.answered),
+        )
     }
 }
 
@@ -211,81 +240,131 @@ pub struct Judgement<'a> {
 impl<'a> Judgement<'a> {
     /// Judges all `suspects` by `evidence`.
     pub fn new(suspects: &'a [Suspect], evidence: &Evidence) -> Self {
-        let all = suspects.iter().map(|suspect| (suspect, Standing::of(suspect, evidence)));
+        let all = suspects
+            .iter()
+            .map(|suspect| (suspect, Standing::of(suspect, evidence)));
         let (out, mut left): (Vec<_>, Vec<_>) = all.partition(|(_, standing)| standing.is_out());
         left.sort_by_key(|(_, standing)| standing.rank());
-        if evidence.answers_anything() && left.iter().any(|(suspect, _)| suspect.model.read.reads_holes()) {
+        if evidence.answers_anything()
+            && left
+                .iter()
+                .any(|(suspect, _)| suspect.model.read.reads_holes())
+        {
             left.retain(|(suspect, _)| suspect.model.read.reads_holes());
         }
         if let Some(best @ (suspect, standing)) = left.first().copied() {
-            let is_sure = standing.identity.is_some() && standing.answered >= TELLING && !evidence.answers_anything();
+            let is_sure = standing.identity.is_some()
+                && standing.answered >= TELLING
+                && !evidence.answers_anything();
             left.retain(|rival| {
                 let is_best = std::ptr::eq(rival.0, suspect);
-                is_best || !(is_explained_better(best, *rival) || (is_sure && rival.1.identity.is_none()))
+                is_best
+                    || !(is_explained_better(best, *rival)
+                        || (is_sure && rival.1.identity.is_none()))
             });
         }
-        let mut kin = out.into_iter().filter_map(|(suspect, it)| Some((suspect, it, it.names_other(suspect)?)));
+        let mut kin = out
+            .into_iter()
+            .filter_map(|(suspect, it)| Some((suspect, it, it.names_other(suspect)?)));
         let kin = kin.next();
-        let other = kin.filter(|(_, it, _)| it.answered >= TELLING).map(|(_, _, name)| name.to_owned());
-        Self { left, kin: kin.map(|(suspect, it, _)| (suspect, it)), other }
+        let other = kin
+            .filter(|(_, it, _)| it.answered >= TELLING)
+            .map(|(_, _, name)| name.to_owned());
+        Self {
+            left,
+            kin: kin.map(|(suspect, it, _)| (suspect, it)),
+            other,
+        }
     }
 
     /// The models that may be it with what speaks for each, the best first. None as long as no register answered.
     pub fn fits(&self, evidence: &Evidence) -> Vec<(Arc<Model>, String)> {
         let is_seen = self.left.iter().any(|(_, standing)| standing.answered > 0);
-        let fitting = self.left.iter().filter(|(_, it)| it.answered > 0 || (!is_seen && evidence.answers_anything()));
-        fitting.map(|(suspect, standing)| (Arc::clone(&suspect.model), why(suspect, *standing))).collect()
+        let fitting = self
+            .left
+            .iter()
+            .filter(|(_, it)| it.answered > 0 || (!is_seen && evidence.answers_anything()));
+        fitting
+            .map(|(suspect, standing)| (Arc::clone(&suspect.model), why(suspect, *standing)))
+            .collect()
     }
 
     /// Whether the best one has shown enough.
     pub fn is_told(&self) -> bool {
-        self.left.first().is_some_and(|(suspect, it)| it.answered >= TELLING.min(suspect.words.len()))
+        self.left
+            .first()
+            .is_some_and(|(suspect, it)| it.answered >= TELLING.min(suspect.words.len()))
     }
 
     /// The address to read next; `None` if nothing would tell more.
     pub fn next(&self, evidence: &Evidence, refusals: Refusals) -> Option<Address> {
         let is_new = |address: &Address| evidence.at(*address).is_none();
-        let fits_better = |it: &Standing| self.left.first().is_none_or(|(_, best)| best.answered < it.answered);
-        if let Some((kin, _)) = self.kin.filter(|(_, it)| it.answered < TELLING && fits_better(it))
+        let fits_better = |it: &Standing| {
+            self.left
+                .first()
+                .is_none_or(|(_, best)| best.answered < it.answered)
+        };
+        if let Some((kin, _)) = self
+            .kin
+            .filter(|(_, it)| it.answered < TELLING && fits_better(it))
             && let Some(next) = kin.words.keys().copied().find(is_new)
         {
             return Some(next);
         }
         let (best, standing) = *self.left.first()?;
         if standing.answered >= TELLING
-            && let Some(identity) = best.model.identity.as_ref().map(|it| it.address).filter(is_new)
+            && let Some(identity) = best
+                .model
+                .identity
+                .as_ref()
+                .map(|it| it.address)
+                .filter(is_new)
         {
             return Some(identity);
         }
-        let addresses: BTreeSet<Address> =
-            self.left.iter().flat_map(|(suspect, _)| suspect.words.keys().copied()).filter(is_new).collect();
+        let addresses: BTreeSet<Address> = self
+            .left
+            .iter()
+            .flat_map(|(suspect, _)| suspect.words.keys().copied())
+            .filter(is_new)
+            .collect();
         let value = |address: Address| match standing.answered {
             0 if refusals == Refusals::TooDear => 0,
             0 => self.splits(address),
             _ => self.tells(address, refusals),
         };
         // Of equal ones the lowest.
-        let most = addresses.into_iter().rev().max_by_key(|address| value(*address))?;
+        let most = addresses
+            .into_iter()
+            .rev()
+            .max_by_key(|address| value(*address))?;
         (value(most) > 0).then_some(most)
     }
 
     /// How many models an answer at `address` speaks for, those with this factory setting first.
     fn splits(&self, address: Address) -> usize {
-        let has = self.left.iter().filter(|(suspect, _)| suspect.words.contains_key(&address));
-        has.map(|(suspect, _)| if suspect.is_factory { 4 } else { 1 }).sum()
+        let has = self
+            .left
+            .iter()
+            .filter(|(suspect, _)| suspect.words.contains_key(&address));
+        has.map(|(suspect, _)| if suspect.is_factory { 4 } else { 1 })
+            .sum()
     }
 
     /// How much an answer at `address` tells between the best model and the others.
     fn tells(&self, address: Address, refusals: Refusals) -> usize {
-        let Some((best, standing)) = self.left.first().copied() else { return 0 };
+        let Some((best, standing)) = self.left.first().copied() else {
+            return 0;
+        };
         let rivals = || self.left.iter().skip(1);
         if best.words.contains_key(&address) {
             let lacking = rivals().filter(|(it, _)| !it.words.contains_key(&address));
-            let gain = |(it, rival): &(&Suspect, Standing)| match (it.is_like(best), rival.unexplained) {
-                (false, 0..UNEXPLAINED) => 8,
-                (true, 0) => 2,
-                _ => 0,
-            };
+            let gain =
+                |(it, rival): &(&Suspect, Standing)| match (it.is_like(best), rival.unexplained) {
+                    (false, 0..UNEXPLAINED) => 8,
+                    (true, 0) => 2,
+                    _ => 0,
+                };
             return lacking.map(gain).sum::<usize>() + usize::from(standing.answered < TELLING);
         }
         let weight = |(it, _): &(&Suspect, Standing)| match it.words.get(&address) {
@@ -316,7 +395,11 @@ fn why(suspect: &Suspect, standing: Standing) -> String {
     if standing.identity == Some(Identified::As)
         && let Some(identity) = &suspect.model.identity
     {
-        let name = suspect.model.readable_at(identity.address).map(|it| it.name.as_str()).unwrap_or_default();
+        let name = suspect
+            .model
+            .readable_at(identity.address)
+            .map(|it| it.name.as_str())
+            .unwrap_or_default();
         why = format!("its register {name} says so, and {why}");
     }
     if standing.unexplained > 0 {
@@ -331,7 +414,9 @@ fn why(suspect: &Suspect, standing: Standing) -> String {
 /// An address that none of `suspects` has.
 pub fn nowhere(suspects: &[Suspect]) -> Option<Address> {
     let is_free = |number: &u16| {
-        suspects.iter().all(|it| it.model.register_at(*number).is_none() && it.model.readable_at(*number).is_none())
+        suspects.iter().all(|it| {
+            it.model.register_at(*number).is_none() && it.model.readable_at(*number).is_none()
+        })
     };
     (0..0x7000_u16).rev().find(is_free).map(Address::holding)
 }

@@ -91,20 +91,49 @@ impl Plan {
     /// The plan for finding drives of `models` at `stations`.
     #[must_use]
     pub fn new(models: &[Arc<Model>], stations: Vec<u8>, wish: &ScanOptions) -> Self {
-        let framing = if wish.is_ascii { Framing::Ascii } else { Framing::Rtu };
+        let framing = if wish.is_ascii {
+            Framing::Ascii
+        } else {
+            Framing::Rtu
+        };
         let has_framing = |model: &&Arc<Model>| model.link.framings.value.contains(&framing);
-        let models: Vec<Arc<Model>> = models.iter().filter(has_framing).map(|it| Arc::new(it.on(framing))).collect();
-        let links = if wish.is_network { vec![LinkSettings::DEFAULT] } else { links(&models, framing, wish) };
+        let models: Vec<Arc<Model>> = models
+            .iter()
+            .filter(has_framing)
+            .map(|it| Arc::new(it.on(framing)))
+            .collect();
+        let links = if wish.is_network {
+            vec![LinkSettings::DEFAULT]
+        } else {
+            links(&models, framing, wish)
+        };
         let setting = |link| Setting::new(&models, link, framing, wish);
-        Self { settings: links.into_iter().map(setting).filter(|it| !it.probes.is_empty()).collect(), stations }
+        Self {
+            settings: links
+                .into_iter()
+                .map(setting)
+                .filter(|it| !it.probes.is_empty())
+                .collect(),
+            stations,
+        }
     }
 
     /// How long the line is in use if no station answers, and how much longer if every station does.
     #[must_use]
     pub fn duration(&self) -> (Duration, Duration) {
         let stations = u32::try_from(self.stations.len()).unwrap_or(u32::MAX);
-        let silent = self.settings.iter().map(|setting| setting.when_silent(stations)).sum::<Duration>() + LISTEN;
-        let told = self.settings.iter().map(Setting::when_told_apart).max().unwrap_or_default();
+        let silent = self
+            .settings
+            .iter()
+            .map(|setting| setting.when_silent(stations))
+            .sum::<Duration>()
+            + LISTEN;
+        let told = self
+            .settings
+            .iter()
+            .map(Setting::when_told_apart)
+            .max()
+            .unwrap_or_default();
         (silent, told * stations)
     }
 }
@@ -119,25 +148,45 @@ impl Plan {
     /// The same for the settings before the one with this index.
     #[must_use]
     pub fn asks_before(&self, setting: usize) -> usize {
-        self.settings.iter().take(setting).map(|it| it.probes.len() * self.stations.len()).sum()
+        self.settings
+            .iter()
+            .take(setting)
+            .map(|it| it.probes.len() * self.stations.len())
+            .sum()
     }
 
     /// The setting with which most drives of a known model answer; `None` if no drive does.
     #[must_use]
     pub fn most_answer(&self, findings: &Findings) -> Option<usize> {
         let known = |finding: &&Finding| !finding.verdict.fits.is_empty();
-        let count = |number: usize| findings.drives.iter().filter(known).filter(|it| it.setting == number).count();
-        let most = (0..self.settings.len()).rev().max_by_key(|number| count(*number))?;
+        let count = |number: usize| {
+            findings
+                .drives
+                .iter()
+                .filter(known)
+                .filter(|it| it.setting == number)
+                .count()
+        };
+        let most = (0..self.settings.len())
+            .rev()
+            .max_by_key(|number| count(*number))?;
         (count(most) > 0).then_some(most)
     }
 }
 
 impl Setting {
-    fn new(models: &[Arc<Model>], link: LinkSettings, framing: Framing, wish: &ScanOptions) -> Self {
+    fn new(
+        models: &[Arc<Model>],
+        link: LinkSettings,
+        framing: Framing,
+        wish: &ScanOptions,
+    ) -> Self {
         let leaves_so = |model: &Model| wish.is_network || is_factory(model, link, framing);
         let (factory, other): (Vec<Arc<Model>>, Vec<Arc<Model>>) = models
             .iter()
-            .filter(|model| wish.is_network || may_be_set(model, link) || wish.bauds.contains(&link.baud))
+            .filter(|model| {
+                wish.is_network || may_be_set(model, link) || wish.bauds.contains(&link.baud)
+            })
             .cloned()
             .partition(|model| leaves_so(model));
         let asked = if factory.is_empty() { &other } else { &factory };
@@ -145,17 +194,37 @@ impl Setting {
         for probe in &mut probes {
             probe.timeout = wish.timeout.unwrap_or(probe.timeout);
         }
-        let timeout = probes.iter().map(|probe| probe.timeout).max().unwrap_or_default();
-        let lateness = probes.iter().map(|probe| probe.lateness).max().unwrap_or_default();
+        let timeout = probes
+            .iter()
+            .map(|probe| probe.timeout)
+            .max()
+            .unwrap_or_default();
+        let lateness = probes
+            .iter()
+            .map(|probe| probe.lateness)
+            .max()
+            .unwrap_or_default();
         let factory_count = factory.len();
         let candidates = [factory, other].concat();
-        Self { link, framing, candidates, factory_count, probes, timeout, lateness }
+        Self {
+            link,
+            framing,
+            candidates,
+            factory_count,
+            probes,
+            timeout,
+            lateness,
+        }
     }
 
     /// The same with the times of one of its probes.
     #[must_use]
     pub fn with(&self, probe: &Probe) -> Self {
-        Self { timeout: probe.timeout, lateness: probe.lateness, ..self.clone() }
+        Self {
+            timeout: probe.timeout,
+            lateness: probe.lateness,
+            ..self.clone()
+        }
     }
 
     /// Times of a line with this setting.
@@ -168,8 +237,10 @@ impl Setting {
     /// A station known only by its address: it is never polled.
     #[must_use]
     pub fn station(&self, station: u8) -> Option<DriveSetup> {
-        let like =
-            self.candidates.iter().max_by_key(|model| model.timing.reply_char_bits.as_ref().map(|it| it.value))?;
+        let like = self
+            .candidates
+            .iter()
+            .max_by_key(|model| model.timing.reply_char_bits.as_ref().map(|it| it.value))?;
         let model = Model {
             registers: Vec::new(),
             barriers: Vec::new(),
@@ -193,15 +264,23 @@ impl Setting {
 
     /// Time for `stations` that do not answer.
     fn when_silent(&self, stations: u32) -> Duration {
-        let round = |probe: &Probe| self.exchange(probe.timeout) * stations + probe.lateness + OPENS_WITHIN;
+        let round =
+            |probe: &Probe| self.exchange(probe.timeout) * stations + probe.lateness + OPENS_WITHIN;
         self.probes.iter().map(round).sum()
     }
 
     /// Time to determine the model of one station that answers, with all silences that this may cost.
     fn when_told_apart(&self) -> Duration {
-        let is_told_by_silence = self.candidates.iter().any(|model| model.exceptions.is_empty());
+        let is_told_by_silence = self
+            .candidates
+            .iter()
+            .any(|model| model.exceptions.is_empty());
         let silence = self.exchange(self.timeout) + self.lateness + self.exchange(ANSWERS_WITHIN);
-        let silences = if is_told_by_silence { silence * (SILENCES_MAX + 1) } else { Duration::ZERO };
+        let silences = if is_told_by_silence {
+            silence * (SILENCES_MAX + 1)
+        } else {
+            Duration::ZERO
+        };
         self.exchange(ANSWERS_WITHIN) * READS_MAX + silences
     }
 
@@ -215,7 +294,11 @@ impl Setting {
 /// `9600 8N1`, with ` ascii` if it is.
 #[must_use]
 pub fn setting_text(setting: &Setting) -> String {
-    let ascii = if setting.framing == Framing::Ascii { " ascii" } else { "" };
+    let ascii = if setting.framing == Framing::Ascii {
+        " ascii"
+    } else {
+        ""
+    };
     format!("{}{ascii}", setting.link)
 }
 
@@ -225,7 +308,12 @@ fn is_factory(model: &Model, link: LinkSettings, framing: Framing) -> bool {
     match framing {
         Framing::Rtu | Framing::Mbap => factory == link,
         // Data bits that only ASCII frames can have are not a factory setting.
-        Framing::Ascii => LinkSettings { data_bits: link.data_bits, ..factory } == link,
+        Framing::Ascii => {
+            LinkSettings {
+                data_bits: link.data_bits,
+                ..factory
+            } == link
+        }
     }
 }
 
@@ -240,18 +328,30 @@ fn may_be_set(model: &Model, link: LinkSettings) -> bool {
 /// The settings to try: factory settings, then the others as far as requested. In each of the two, those come first with which
 /// most models leave the factory; of equals the fastest.
 fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<LinkSettings> {
-    let data_bits: &[u8] = if framing == Framing::Ascii { &[8, 7] } else { &[8] };
+    let data_bits: &[u8] = if framing == Framing::Ascii {
+        &[8, 7]
+    } else {
+        &[8]
+    };
     let is_wanted = |link: &LinkSettings| {
         (wish.bauds.is_empty() || wish.bauds.contains(&link.baud))
             && wish.parity.is_none_or(|parity| link.parity == parity)
-            && wish.stop_bits.is_none_or(|stop_bits| link.stop_bits == stop_bits)
+            && wish
+                .stop_bits
+                .is_none_or(|stop_bits| link.stop_bits == stop_bits)
     };
     let mut factory: Vec<LinkSettings> = Vec::new();
     for model in models {
         let known = model.link.played();
-        let of_model = data_bits.iter().map(|data_bits| LinkSettings { data_bits: *data_bits, ..known });
+        let of_model = data_bits.iter().map(|data_bits| LinkSettings {
+            data_bits: *data_bits,
+            ..known
+        });
         let new = of_model.filter(|link| may_be_set(model, *link) && is_wanted(link));
-        factory.extend(new.filter(|link| !factory.contains(link)).collect::<Vec<_>>());
+        factory.extend(
+            new.filter(|link| !factory.contains(link))
+                .collect::<Vec<_>>(),
+        );
     }
     let order = |link: &LinkSettings| order(models, *link, framing);
     factory.sort_by_key(order);
@@ -259,9 +359,14 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<Lin
     if !wish.everything && !is_restricted {
         return factory;
     }
-    let known = models.iter().flat_map(|model| model.link.bauds.value.iter().copied());
-    let bauds: BTreeSet<u32> =
-        if wish.bauds.is_empty() { known.collect() } else { wish.bauds.iter().copied().collect() };
+    let known = models
+        .iter()
+        .flat_map(|model| model.link.bauds.value.iter().copied());
+    let bauds: BTreeSet<u32> = if wish.bauds.is_empty() {
+        known.collect()
+    } else {
+        wish.bauds.iter().copied().collect()
+    };
     let mut others = Vec::new();
     for baud in bauds {
         for parity in [Parity::None, Parity::Even, Parity::Odd] {
@@ -275,18 +380,30 @@ fn links(models: &[Arc<Model>], framing: Framing, wish: &ScanOptions) -> Vec<Lin
             }
         }
     }
-    let is_possible =
-        |link: &LinkSettings| wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link));
+    let is_possible = |link: &LinkSettings| {
+        wish.bauds.contains(&link.baud) || models.iter().any(|model| may_be_set(model, *link))
+    };
     others.retain(|link| is_wanted(link) && is_possible(link) && !factory.contains(link));
     others.sort_by_key(order);
     [factory, others].concat()
 }
 
 /// How many models are known to leave the factory with `link`, then its speed; the smallest comes first.
-fn order(models: &[Arc<Model>], link: LinkSettings, framing: Framing) -> (Reverse<usize>, Reverse<u32>, u8, u8, bool) {
-    let is_known = |model: &&Arc<Model>| model.link.factory().is_some() && is_factory(model, link, framing);
+fn order(
+    models: &[Arc<Model>],
+    link: LinkSettings,
+    framing: Framing,
+) -> (Reverse<usize>, Reverse<u32>, u8, u8, bool) {
+    let is_known =
+        |model: &&Arc<Model>| model.link.factory().is_some() && is_factory(model, link, framing);
     let count = models.iter().filter(is_known).count();
-    (Reverse(count), Reverse(link.baud), 8 - link.data_bits, link.stop_bits, link.parity != Parity::None)
+    (
+        Reverse(count),
+        Reverse(link.baud),
+        8 - link.data_bits,
+        link.stop_bits,
+        link.parity != Parity::None,
+    )
 }
 
 /// Few reads, one of which each of `models` answers. A drive whose exceptions are known answers whatever it is asked; of
@@ -296,17 +413,40 @@ pub fn probes(models: &[Arc<Model>]) -> Vec<Probe> {
     let answers = |(model, words): &Known<'_>, address| {
         words.contains(&address) || !model.exceptions.is_empty() || model.read.reads_holes()
     };
-    let mut left: Vec<Known<'_>> = models.iter().map(|model| (model, words(model).into_keys().collect())).collect();
+    let mut left: Vec<Known<'_>> = models
+        .iter()
+        .map(|model| (model, words(model).into_keys().collect()))
+        .collect();
     let mut probes = Vec::new();
     while !left.is_empty() {
-        let addresses: BTreeSet<Address> = left.iter().flat_map(|(_, words)| words.iter().copied()).collect();
+        let addresses: BTreeSet<Address> = left
+            .iter()
+            .flat_map(|(_, words)| words.iter().copied())
+            .collect();
         let count = |address: Address| left.iter().filter(|it| answers(it, address)).count();
         // Of equal ones the lowest.
-        let Some(address) = addresses.into_iter().rev().max_by_key(|address| count(*address)) else { break };
-        let (found, others): (Vec<_>, Vec<_>) = left.into_iter().partition(|it| answers(it, address));
-        let waits = found.iter().map(|(model, _)| ReplyTimeouts::auto(&model.timing).of(Class::Read));
-        let lateness = found.iter().map(|(model, _)| model.timing.max_lateness.value).max().unwrap_or_default();
-        probes.push(Probe { address, timeout: waits.max().unwrap_or_default(), lateness });
+        let Some(address) = addresses
+            .into_iter()
+            .rev()
+            .max_by_key(|address| count(*address))
+        else {
+            break;
+        };
+        let (found, others): (Vec<_>, Vec<_>) =
+            left.into_iter().partition(|it| answers(it, address));
+        let waits = found
+            .iter()
+            .map(|(model, _)| ReplyTimeouts::auto(&model.timing).of(Class::Read));
+        let lateness = found
+            .iter()
+            .map(|(model, _)| model.timing.max_lateness.value)
+            .max()
+            .unwrap_or_default();
+        probes.push(Probe {
+            address,
+            timeout: waits.max().unwrap_or_default(),
+            lateness,
+        });
         left = others;
     }
     probes
@@ -320,12 +460,20 @@ type Known<'a> = (&'a Arc<Model>, BTreeSet<Address>);
 /// # Errors
 /// What is wrong, and what would be correct.
 pub fn stations(text: &str) -> Result<Vec<u8>, String> {
-    let wrong =
-        || format!("{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9");
+    let wrong = || {
+        format!(
+            "{text} names no stations: numbers from 1 to 247 and ranges of them, such as 1-32 or 1,3,7-9"
+        )
+    };
     let mut all = BTreeSet::new();
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let number = |text: &str| text.trim().parse::<u8>().ok().filter(|number| (1..=247).contains(number));
+        let number = |text: &str| {
+            text.trim()
+                .parse::<u8>()
+                .ok()
+                .filter(|number| (1..=247).contains(number))
+        };
         let first = number(first).ok_or_else(wrong)?;
         let last = number(last).ok_or_else(wrong)?;
         if first > last {

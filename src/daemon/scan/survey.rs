@@ -15,13 +15,21 @@ pub trait Asker {
     ///
     /// # Errors
     /// The line cannot be used, or another master uses it.
-    fn open(&mut self, setting: &Setting, stations: &[u8]) -> impl Future<Output = Result<(), ScanError>>;
+    fn open(
+        &mut self,
+        setting: &Setting,
+        stations: &[u8],
+    ) -> impl Future<Output = Result<(), ScanError>>;
 
     /// Reads one register of one of them.
     ///
     /// # Errors
     /// The line is lost, or another master uses it.
-    fn ask(&mut self, station: u8, address: Address) -> impl Future<Output = Result<Heard, ScanError>>;
+    fn ask(
+        &mut self,
+        station: u8,
+        address: Address,
+    ) -> impl Future<Output = Result<Heard, ScanError>>;
 }
 
 /// An event that is shown at once.
@@ -92,7 +100,9 @@ impl Findings {
         self.drives.iter().any(|drive| {
             let link = plan.settings.get(drive.setting).map(|it| it.link);
             drive.station == station
-                && link.is_some_and(|link| (link.baud, link.parity) == (setting.link.baud, setting.link.parity))
+                && link.is_some_and(|link| {
+                    (link.baud, link.parity) == (setting.link.baud, setting.link.parity)
+                })
         })
     }
 }
@@ -113,10 +123,13 @@ pub async fn survey(
         if answered.is_empty() {
             continue;
         }
-        asker.open(setting, &answered.keys().copied().collect::<Vec<_>>()).await?;
+        asker
+            .open(setting, &answered.keys().copied().collect::<Vec<_>>())
+            .await?;
         for (station, (probe, evidence)) in answered {
             let verdict = identify(setting, station, probe, evidence, asker).await?;
-            let of_station = |drive: &&mut Finding| drive.setting == number && drive.station == station;
+            let of_station =
+                |drive: &&mut Finding| drive.setting == number && drive.station == station;
             if let Some(finding) = findings.drives.iter_mut().find(of_station) {
                 finding.verdict = verdict;
                 tell(Event::Told(finding));
@@ -136,9 +149,16 @@ async fn look(
     findings: &mut Findings,
     tell: &mut impl FnMut(Event<'_>),
 ) -> Result<BTreeMap<u8, (Address, Evidence)>, ScanError> {
-    let Some(setting) = plan.settings.get(number) else { return Ok(BTreeMap::new()) };
+    let Some(setting) = plan.settings.get(number) else {
+        return Ok(BTreeMap::new());
+    };
     let is_new = |findings: &Findings, station| !findings.has_like(plan, setting, station);
-    let mut left: Vec<u8> = plan.stations.iter().copied().filter(|station| is_new(findings, *station)).collect();
+    let mut left: Vec<u8> = plan
+        .stations
+        .iter()
+        .copied()
+        .filter(|station| is_new(findings, *station))
+        .collect();
     let mut answered = BTreeMap::new();
     let mut evidence: BTreeMap<u8, Evidence> = BTreeMap::new();
     for probe in &setting.probes {
@@ -157,7 +177,12 @@ async fn look(
                     findings.damaged.entry(number).or_default().remove(&station);
                     let by_exception = matches!(heard, Heard::Exception(_));
                     let verdict = Verdict::default();
-                    findings.drives.push(Finding { setting: number, station, by_exception, verdict });
+                    findings.drives.push(Finding {
+                        setting: number,
+                        station,
+                        by_exception,
+                        verdict,
+                    });
                     tell(Event::Answers(station));
                 }
                 Heard::Damaged => {
@@ -167,7 +192,10 @@ async fn look(
                 Heard::Silent => {
                     // A slow drive may only have been late.
                     if probe.timeout >= setting.timeout {
-                        evidence.entry(station).or_default().was_silent(probe.address);
+                        evidence
+                            .entry(station)
+                            .or_default()
+                            .was_silent(probe.address);
                     }
                     left.push(station);
                 }
@@ -190,7 +218,13 @@ async fn identify(
         .filter(|(_, model)| model.link.stations.value.contains(&station))
         .map(|(index, model)| Suspect::new(model, index < setting.factory_count))
         .collect();
-    let mut look = Look { asker, station, probe, silences: 0, evidence };
+    let mut look = Look {
+        asker,
+        station,
+        probe,
+        silences: 0,
+        evidence,
+    };
     if let Some(nowhere) = nowhere(&suspects) {
         let heard = look.ask(nowhere).await?;
         look.evidence.hear_nowhere(nowhere, heard);
@@ -198,7 +232,9 @@ async fn identify(
     let mut judgement = Judgement::new(&suspects, &look.evidence);
     let mut reads = 0;
     while reads < READS_MAX && look.silences <= SILENCES_MAX {
-        let Some(next) = judgement.next(&look.evidence, look.refusals()) else { break };
+        let Some(next) = judgement.next(&look.evidence, look.refusals()) else {
+            break;
+        };
         let heard = look.ask(next).await?;
         look.evidence.hear(next, heard);
         judgement = Judgement::new(&suspects, &look.evidence);
@@ -206,7 +242,12 @@ async fn identify(
     }
     let is_open = !judgement.is_told();
     let fits = judgement.fits(&look.evidence);
-    Ok(Verdict { fits, other: judgement.other, is_open, answers_anything: look.evidence.answers_anything() })
+    Ok(Verdict {
+        fits,
+        other: judgement.other,
+        is_open,
+        answers_anything: look.evidence.answers_anything(),
+    })
 }
 
 /// The reads from one station.

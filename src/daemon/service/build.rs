@@ -1,7 +1,8 @@
 //! Builds from the configuration what the line threads need.
 
 use crate::config::{
-    self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource, line_plan,
+    self, BrokerSettings, Config, DriveSettings, LineSettings, MqttSettings, PasswordSource,
+    line_plan,
 };
 use crate::daemon::exchange::shared::{Shared, SharedLine, StandbyShare};
 use crate::daemon::host::secret_files;
@@ -25,7 +26,12 @@ use std::sync::Arc;
 /// The core of a line. `first_epoch` must be different at each start of the gateway. `keeps` is whether there is a
 /// journal, whose remembered state is not known yet; `joins_late` whether commands are accepted already.
 #[must_use]
-pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late: bool) -> LineSetup {
+pub fn line_setup(
+    line: &LineSettings,
+    first_epoch: u64,
+    keeps: bool,
+    joins_late: bool,
+) -> LineSetup {
     let drives = line.drives.iter().map(drive_setup).collect();
     let tells_traffic = tracing::enabled!(tracing::Level::TRACE);
     LineSetup {
@@ -36,7 +42,10 @@ pub fn line_setup(line: &LineSettings, first_epoch: u64, keeps: bool, joins_late
         first_epoch,
         asked_before: true,
         joins_late,
-        standby: line.standby.as_ref().map(|pair| line_plan::standby_times(line, pair)),
+        standby: line
+            .standby
+            .as_ref()
+            .map(|pair| line_plan::standby_times(line, pair)),
         keeps,
     }
 }
@@ -55,7 +64,9 @@ pub fn journal(config: &Config) -> Option<journal::Settings> {
 /// What lines and north sides share, with lines that are not served yet.
 #[must_use]
 pub fn shared(config: &Config) -> Shared {
-    let lines = (0..).zip(&config.lines).map(|(number, line)| Arc::new(shared_line(number, line)));
+    let lines = (0..)
+        .zip(&config.lines)
+        .map(|(number, line)| Arc::new(shared_line(number, line)));
     Shared::of(lines.collect(), Arc::default())
 }
 
@@ -64,11 +75,18 @@ pub fn shared(config: &Config) -> Shared {
 pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
     let stretch = line_plan::budget(line).stretch;
     let drives = (0..).zip(&line.drives).map(|(index, drive)| {
-        let place = DriveRef { line: number, drive: DriveIndex(index) };
+        let place = DriveRef {
+            line: number,
+            drive: DriveIndex(index),
+        };
         description(place, line, drive, stretch)
     });
-    let standby = line.standby.clone().map(|pair| StandbyShare { times: line_plan::standby_times(line, &pair), pair });
-    let shared = SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line));
+    let standby = line.standby.clone().map(|pair| StandbyShare {
+        times: line_plan::standby_times(line, &pair),
+        pair,
+    });
+    let shared =
+        SharedLine::new(number, line.name.clone(), line.interface, drives).wired(wiring(line));
     if standby.is_some() {
         // Before the first report of its thread it must not be taken for the only gateway there.
         let role = LineRole::Listening;
@@ -82,18 +100,31 @@ pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
             kept: 0,
             trouble: StandbyTrouble::default(),
         };
-        shared.set_report(LineReport { standby: Some(standby), ..LineReport::default() });
+        shared.set_report(LineReport {
+            standby: Some(standby),
+            ..LineReport::default()
+        });
     }
     shared.shared_with(standby)
 }
 
 fn wiring(line: &LineSettings) -> Wiring {
     let stations = line.drives.iter().map(|drive| drive.station).collect();
-    Wiring { port: line.port.to_string(), link: line.link, framing: line.framing, stations }
+    Wiring {
+        port: line.port.to_string(),
+        link: line.link,
+        framing: line.framing,
+        stations,
+    }
 }
 
 /// Values age by the period that an overloaded line can actually keep.
-fn description(place: DriveRef, line: &LineSettings, drive: &DriveSettings, stretch: f64) -> DriveDescription {
+fn description(
+    place: DriveRef,
+    line: &LineSettings,
+    drive: &DriveSettings,
+    stretch: f64,
+) -> DriveDescription {
     DriveDescription {
         place,
         name: drive.name.clone(),
@@ -122,40 +153,75 @@ pub fn broker(
     embedded: Option<SocketAddr>,
 ) -> Result<BrokerSide, String> {
     let (host, port, also_at, tls) = match (&mqtt.broker, embedded) {
-        (BrokerSettings::Tcp { host, port, also_at, tls }, _) => {
-            (host.clone(), *port, also_at.clone(), tls.as_ref().map(tls_settings))
+        (
+            BrokerSettings::Tcp {
+                host,
+                port,
+                also_at,
+                tls,
+            },
+            _,
+        ) => (
+            host.clone(),
+            *port,
+            also_at.clone(),
+            tls.as_ref().map(tls_settings),
+        ),
+        (BrokerSettings::Embedded, Some(address)) => {
+            (address.ip().to_string(), address.port(), Vec::new(), None)
         }
-        (BrokerSettings::Embedded, Some(address)) => (address.ip().to_string(), address.port(), Vec::new(), None),
-        (BrokerSettings::Embedded, None) => return Err("the embedded broker does not listen".to_owned()),
+        (BrokerSettings::Embedded, None) => {
+            return Err("the embedded broker does not listen".to_owned());
+        }
     };
     if let Some(tls) = &tls {
         check_tls(tls).map_err(|error| error.to_string())?;
     }
-    let password = mqtt.credentials.as_ref().and_then(|credentials| credentials.password.as_ref());
+    let password = mqtt
+        .credentials
+        .as_ref()
+        .and_then(|credentials| credentials.password.as_ref());
     let connection = ConnectionSettings {
         host,
         port,
         also_at,
         tls,
         client_id: mqtt.client_id(name, standby),
-        user: mqtt.credentials.as_ref().map(|credentials| credentials.user.clone()),
+        user: mqtt
+            .credentials
+            .as_ref()
+            .map(|credentials| credentials.user.clone()),
         password: password.map(read_password).transpose()?,
         keep_alive: mqtt.keep_alive,
         version: mqtt.version,
         keeps: Keeps::Nothing,
     };
-    let sparkplug =
-        mqtt.sparkplug_session(name.clone(), standby.is_some()).zip(data_dir).map(|(settings, data_dir)| Sparkplug {
-            connection: ConnectionSettings { client_id: mqtt.sparkplug_client_id(name), ..connection.clone() },
+    let sparkplug = mqtt
+        .sparkplug_session(name.clone(), standby.is_some())
+        .zip(data_dir)
+        .map(|(settings, data_dir)| Sparkplug {
+            connection: ConnectionSettings {
+                client_id: mqtt.sparkplug_client_id(name),
+                ..connection.clone()
+            },
             settings,
             data_dir: data_dir.to_owned(),
         });
-    Ok(BrokerSide { mqtt: (connection, mqtt.session(name.clone(), standby.cloned())), sparkplug })
+    Ok(BrokerSide {
+        mqtt: (connection, mqtt.session(name.clone(), standby.cloned())),
+        sparkplug,
+    })
 }
 
 fn tls_settings(tls: &config::TlsSettings) -> TlsSettings {
-    let client_cert = tls.client.as_ref().map(|client| (client.cert_file.clone(), client.key_file.clone()));
-    TlsSettings { ca_file: tls.ca_file.clone(), client_cert }
+    let client_cert = tls
+        .client
+        .as_ref()
+        .map(|client| (client.cert_file.clone(), client.key_file.clone()));
+    TlsSettings {
+        ca_file: tls.ca_file.clone(),
+        client_cert,
+    }
 }
 
 /// A file's text without the line break that editors put at its end.
@@ -164,9 +230,9 @@ fn read_password(source: &PasswordSource) -> Result<Secret, String> {
         PasswordSource::File(path) => secret_files::read(path)
             .map(|text| Secret::new(text.trim_end_matches(['\n', '\r']).to_owned()))
             .map_err(|error| format!("password_file {}: {error}", path.display())),
-        PasswordSource::Env(name) => {
-            std::env::var(name).map(Secret::new).map_err(|error| format!("password_env {name}: {error}"))
-        }
+        PasswordSource::Env(name) => std::env::var(name)
+            .map(Secret::new)
+            .map_err(|error| format!("password_env {name}: {error}")),
     }
 }
 
@@ -175,7 +241,11 @@ fn read_password(source: &PasswordSource) -> Result<Secret, String> {
 pub fn line_port(line: &LineSettings, data_dir: Option<&Path>) -> LinePort {
     LinePort {
         line: line.name.to_string(),
-        drives: line.drives.iter().map(|drive| drive.name.to_string()).collect(),
+        drives: line
+            .drives
+            .iter()
+            .map(|drive| drive.name.to_string())
+            .collect(),
         settings: PortSettings {
             line: line.name.to_string(),
             address: line.port.clone(),
@@ -192,8 +262,14 @@ pub fn line_port(line: &LineSettings, data_dir: Option<&Path>) -> LinePort {
 /// gateway may write.
 #[must_use]
 pub fn lock_dirs(data_dir: Option<&Path>) -> Vec<PathBuf> {
-    let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|dir| dir.is_absolute());
-    [PathBuf::from("/run/lock")].into_iter().chain(of_session).chain(data_dir.map(Path::to_owned)).collect()
+    let of_session = std::env::var_os("XDG_RUNTIME_DIR")
+        .map(PathBuf::from)
+        .filter(|dir| dir.is_absolute());
+    [PathBuf::from("/run/lock")]
+        .into_iter()
+        .chain(of_session)
+        .chain(data_dir.map(Path::to_owned))
+        .collect()
 }
 
 fn drive_setup(drive: &DriveSettings) -> DriveSetup {

@@ -74,7 +74,14 @@ impl Conversations {
     /// Starts without conversations. Answers of the lines arrive through `sides`, and `state` shows the counts.
     #[must_use]
     pub const fn new(current: Current, sides: NorthSides, state: Arc<State>) -> Self {
-        Self { current, sides, state, mqtt: None, sparkplug: None, count: 0 }
+        Self {
+            current,
+            sides,
+            state,
+            mqtt: None,
+            sparkplug: None,
+            count: 0,
+        }
     }
 
     /// Whether these are the settings of the present conversations.
@@ -87,7 +94,8 @@ impl Conversations {
 
     /// Changes the conversations to these settings. Unchanged ones continue.
     pub fn talk_as(&mut self, broker_side: Option<BrokerSide>) {
-        let (mqtt, sparkplug) = broker_side.map_or((None, None), |it| (Some(it.mqtt), it.sparkplug));
+        let (mqtt, sparkplug) =
+            broker_side.map_or((None, None), |it| (Some(it.mqtt), it.sparkplug));
         if with(self.mqtt.as_ref()) != mqtt.as_ref() {
             self.talk(mqtt);
         }
@@ -102,10 +110,24 @@ impl Conversations {
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
         let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
-            let speaker = Speaker::new(settings, current, news, totals, journal, first_ticket, clock::moment());
+            let speaker = Speaker::new(
+                settings,
+                current,
+                news,
+                totals,
+                journal,
+                first_ticket,
+                clock::moment(),
+            );
             speak(connection, speaker, &changed.mqtt, stopped).await;
         };
-        self.mqtt = begun_anew(self.mqtt.take(), mqtt, &self.state.mqtt, self.sides.mqtt.clone(), says);
+        self.mqtt = begun_anew(
+            self.mqtt.take(),
+            mqtt,
+            &self.state.mqtt,
+            self.sides.mqtt.clone(),
+            says,
+        );
     }
 
     fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
@@ -113,15 +135,33 @@ impl Conversations {
         let current = self.current.clone();
         let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
         let says = async move |with: Sparkplug, totals, news, stopped| {
-            let Sparkplug { connection, settings, data_dir } = with;
-            let Ok(bdseq) = tokio::task::spawn_blocking(move || BdSeq::read(&data_dir)).await else { return };
+            let Sparkplug {
+                connection,
+                settings,
+                data_dir,
+            } = with;
+            let Ok(bdseq) = tokio::task::spawn_blocking(move || BdSeq::read(&data_dir)).await
+            else {
+                return;
+            };
             let changed = Arc::clone(&current.load().changed);
-            let sides = Sides { current, news, totals, journal };
-            let speaker = SparkplugSpeaker::new(settings, bdseq, sides, first_ticket, clock::moment());
+            let sides = Sides {
+                current,
+                news,
+                totals,
+                journal,
+            };
+            let speaker =
+                SparkplugSpeaker::new(settings, bdseq, sides, first_ticket, clock::moment());
             speak(connection, speaker, &changed.sparkplug, stopped).await;
         };
-        self.sparkplug =
-            begun_anew(self.sparkplug.take(), sparkplug, &self.state.sparkplug, self.sides.sparkplug.clone(), says);
+        self.sparkplug = begun_anew(
+            self.sparkplug.take(),
+            sparkplug,
+            &self.state.sparkplug,
+            self.sides.sparkplug.clone(),
+            says,
+        );
     }
 
     /// The first ticket of the next conversation.

@@ -57,8 +57,19 @@ impl Bound {
     /// # Errors
     /// The system cannot report an address.
     pub fn addresses(&self) -> io::Result<(Vec<SocketAddr>, Option<SocketAddr>)> {
-        let modbus = self.modbus.iter().flatten().map(TcpListener::local_addr).collect::<io::Result<_>>()?;
-        Ok((modbus, self.http.as_ref().map(TcpListener::local_addr).transpose()?))
+        let modbus = self
+            .modbus
+            .iter()
+            .flatten()
+            .map(TcpListener::local_addr)
+            .collect::<io::Result<_>>()?;
+        Ok((
+            modbus,
+            self.http
+                .as_ref()
+                .map(TcpListener::local_addr)
+                .transpose()?,
+        ))
     }
 }
 
@@ -67,13 +78,21 @@ impl Bound {
 ///
 /// # Errors
 /// The first address that cannot be bound, or listener whose certificates cannot be used.
-pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool) -> Result<Bound, StartError> {
+pub async fn bind(
+    config: &Config,
+    kept: &[Option<usize>],
+    has_http_moved: bool,
+) -> Result<Bound, StartError> {
     secret_files::warn(config);
     warn_of_bridges(config);
     let mut modbus = Vec::with_capacity(config.listeners.len());
     for (place, listener) in config.listeners.iter().enumerate() {
         let is_kept = kept.get(place).is_some_and(Option::is_some);
-        modbus.push(if is_kept { None } else { Some(listen(listener.listen, None)?) });
+        modbus.push(if is_kept {
+            None
+        } else {
+            Some(listen(listener.listen, None)?)
+        });
     }
     let http = match &config.http {
         Some(http) if has_http_moved => Some(listen(http.listen, Some(http::SEND_BUFFER_BYTES))?),
@@ -94,7 +113,14 @@ pub async fn bind(config: &Config, kept: &[Option<usize>], has_http_moved: bool)
 pub fn unbound(config: &Config) -> Bound {
     let modbus = config.listeners.iter().map(|_| None).collect();
     let security = config.listeners.iter().map(|_| None).collect();
-    Bound { modbus, security, http: None, front: Front::default(), has_http_moved: false, is_bound: false }
+    Bound {
+        modbus,
+        security,
+        http: None,
+        front: Front::default(),
+        has_http_moved: false,
+        is_bound: false,
+    }
 }
 
 /// The same warning as that of `check`.
@@ -111,18 +137,25 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
     let listeners = config.listeners.clone();
     let read = tokio::task::spawn_blocking(move || {
         let read = listeners.iter().map(|listener| {
-            let Some(tls) = &listener.tls else { return Ok(None) };
+            let Some(tls) = &listener.tls else {
+                return Ok(None);
+            };
             let address = listener.listen;
-            Security::read(tls).map(Some).map_err(|what| StartError::ModbusTls { address, what })
+            Security::read(tls)
+                .map(Some)
+                .map_err(|what| StartError::ModbusTls { address, what })
         });
         read.collect()
     });
-    read.await.unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
+    read.await
+        .unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
 /// The same for users and certificate of the HTTP listener.
 async fn front(config: &Config) -> Result<Front, StartError> {
-    let Some(http) = config.http.clone() else { return Ok(Front::default()) };
+    let Some(http) = config.http.clone() else {
+        return Ok(Front::default());
+    };
     match tokio::task::spawn_blocking(move || Front::read(&http)).await {
         Ok(read) => read.map_err(StartError::Http),
         Err(error) => Err(StartError::System(io::Error::other(error))),
@@ -132,7 +165,11 @@ async fn front(config: &Config) -> Result<Front, StartError> {
 /// Connections inherit the size of the send buffer.
 fn listen(address: SocketAddr, send_buffer_bytes: Option<u32>) -> Result<TcpListener, StartError> {
     let open = || {
-        let socket = if address.is_ipv4() { TcpSocket::new_v4()? } else { TcpSocket::new_v6()? };
+        let socket = if address.is_ipv4() {
+            TcpSocket::new_v4()?
+        } else {
+            TcpSocket::new_v6()?
+        };
         // Connections of a gateway that has just exited do not block the address.
         socket.set_reuseaddr(true)?;
         send_buffer_bytes.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes))?;
@@ -150,10 +187,18 @@ const PLACES_USUAL: usize = 10_240;
 
 /// The places for connections; logged if listeners request more than that.
 fn places(config: &Config) -> usize {
-    let wanted: usize = config.listeners.iter().filter_map(|it| it.connections_max).sum();
+    let wanted: usize = config
+        .listeners
+        .iter()
+        .filter_map(|it| it.connections_max)
+        .sum();
     let most = descriptors::room_for_connections().min(wanted.max(PLACES_USUAL));
     tracing::info!(most, "Modbus TCP connection limit");
-    for listener in config.listeners.iter().filter(|it| it.connections_max.is_some_and(|max| max > most)) {
+    for listener in config
+        .listeners
+        .iter()
+        .filter(|it| it.connections_max.is_some_and(|max| max > most))
+    {
         let address = listener.listen;
         tracing::warn!(%address, most, "the limit of open files leaves room for fewer clients than `connections_max`");
     }
@@ -185,7 +230,9 @@ struct Listening {
 /// The trends that are kept in the journal's directory; `None` if the system refuses a thread.
 fn trends_beside(journal: &Journal) -> Option<Arc<Trends>> {
     let started = Trends::start(journal.file().parent()?);
-    started.inspect_err(|error| tracing::warn!(%error, "trends cannot be kept")).ok()
+    started
+        .inspect_err(|error| tracing::warn!(%error, "trends cannot be kept"))
+        .ok()
 }
 
 impl North {
@@ -208,7 +255,10 @@ impl North {
             mqtt: None.into(),
             sparkplug: None.into(),
             journal: sides.journal.clone(),
-            trends: sides.journal.as_ref().and_then(|journal| trends_beside(journal)),
+            trends: sides
+                .journal
+                .as_ref()
+                .and_then(|journal| trends_beside(journal)),
             configuration: site.as_ref().map(|site| site.file.clone()),
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             started: started.mono,
@@ -217,7 +267,8 @@ impl North {
         let documents = Documents::new(Arc::clone(&state));
         tokio::task::spawn_local(report::remember(Arc::clone(&documents.history)));
         tokio::task::spawn_local(http::live::run(Arc::clone(&documents.live)));
-        let (socket, reloads) = socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
+        let (socket, reloads) =
+            socket.map_or((None, None), |(socket, reloads)| (Some(socket), reloads));
         let stalls = Arc::<Stalls>::default();
         tokio::task::spawn_local(Arc::clone(&stalls).watch());
         let side = LocalSide::new(current.clone(), reloads).with_stalls(Arc::clone(&stalls));
@@ -226,16 +277,33 @@ impl North {
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(documents.clone(), Arc::clone(&side)));
         }
-        let control = Arc::new(Control::new(side, documents.live.moments().clone(), Front::default(), site));
-        let server = Server::new(modbus_totals, north_journal::side(sides.journal.as_ref(), &current));
+        let control = Arc::new(Control::new(
+            side,
+            documents.live.moments().clone(),
+            Front::default(),
+            site,
+        ));
+        let server = Server::new(
+            modbus_totals,
+            north_journal::side(sides.journal.as_ref(), &current),
+        );
         let server = Rc::new(server.with_slots(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
         let serial = Vec::new();
         let conversations = Conversations::new(current.clone(), sides, state);
-        let mut north =
-            Self { current, documents, server, units, listeners, serial, http: None, control, conversations };
+        let mut north = Self {
+            current,
+            documents,
+            server,
+            units,
+            listeners,
+            serial,
+            http: None,
+            control,
+            conversations,
+        };
         let is_bound = bound.is_bound;
         north.listen(config, &[], bound);
         if is_bound {
@@ -247,8 +315,14 @@ impl North {
 
     /// Serves the connections of a tool of this process, with what the first listener of `config` grants to this host.
     pub fn serve_tool(&self, config: &Config, mut connections: ToolConnections) {
-        let Some(settings) = config.listeners.first() else { return };
-        let listener = Listener::new(settings.clone(), Router::new(settings, self.units.clone()), None);
+        let Some(settings) = config.listeners.first() else {
+            return;
+        };
+        let listener = Listener::new(
+            settings.clone(),
+            Router::new(settings, self.units.clone()),
+            None,
+        );
         let server = Rc::clone(&self.server);
         tokio::task::spawn_local(async move {
             while let Some(stream) = connections.recv().await {
@@ -262,7 +336,13 @@ impl North {
 
     /// Serves `config` from now on; the shared state is switched already. Sockets and connections that continue are not
     /// touched.
-    pub fn switch(&mut self, config: &Config, change: &Change, bound: Bound, broker_side: Option<BrokerSide>) {
+    pub fn switch(
+        &mut self,
+        config: &Config,
+        change: &Change,
+        bound: Bound,
+        broker_side: Option<BrokerSide>,
+    ) {
         self.units = self.units.changed_to(&self.current.get());
         self.listen(config, &change.listeners, bound);
         self.serve_masters(config);
@@ -271,11 +351,21 @@ impl North {
     }
 
     fn listen(&mut self, config: &Config, kept: &[Option<usize>], bound: Bound) {
-        let mut old: Vec<_> = std::mem::take(&mut self.listeners).into_iter().map(Some).collect();
+        let mut old: Vec<_> = std::mem::take(&mut self.listeners)
+            .into_iter()
+            .map(Some)
+            .collect();
         let sockets = bound.modbus.into_iter().zip(bound.security);
-        for (place, (settings, (socket, security))) in config.listeners.iter().zip(sockets).enumerate() {
-            let kept = kept.get(place).copied().flatten().and_then(|at| old.get_mut(at)?.take());
-            self.listeners.extend(self.listening(settings, socket, security, kept));
+        for (place, (settings, (socket, security))) in
+            config.listeners.iter().zip(sockets).enumerate()
+        {
+            let kept = kept
+                .get(place)
+                .copied()
+                .flatten()
+                .and_then(|at| old.get_mut(at)?.take());
+            self.listeners
+                .extend(self.listening(settings, socket, security, kept));
         }
         for gone in old.into_iter().flatten() {
             gone.task.abort();
@@ -285,7 +375,11 @@ impl North {
         if bound.has_http_moved {
             self.http.take().inspect(AbortHandle::abort);
             let serve = |listener| {
-                tokio::task::spawn_local(http::serve(listener, self.documents.clone(), Arc::clone(&self.control)))
+                tokio::task::spawn_local(http::serve(
+                    listener,
+                    self.documents.clone(),
+                    Arc::clone(&self.control),
+                ))
             };
             self.http = bound.http.map(serve).map(|task| task.abort_handle());
         }
@@ -298,11 +392,15 @@ impl North {
         for settings in &config.serial_masters {
             let router = Router::new(&settings.serving, self.units.clone());
             let Some(at) = old.iter().position(|it| it.settings.has_port_of(settings)) else {
-                to_start.push((settings, Listener::of_master(settings.name, settings.serving.clone(), router)));
+                to_start.push((
+                    settings,
+                    Listener::of_master(settings.name, settings.serving.clone(), router),
+                ));
                 continue;
             };
             let mut kept = old.swap_remove(at);
-            kept.listener().change(settings.serving.clone(), router, None);
+            kept.listener()
+                .change(settings.serving.clone(), router, None);
             kept.changed(settings.clone());
             self.serial.push(kept);
         }
@@ -312,7 +410,9 @@ impl North {
             let dirs = build::lock_dirs(config.gateway.data_dir.as_deref());
             match SerialMaster::start(settings.clone(), listener, &self.server, dirs) {
                 Ok(started) => self.serial.push(started),
-                Err(error) => tracing::error!(master = %settings.name, %error, "cannot serve a serial master"),
+                Err(error) => {
+                    tracing::error!(master = %settings.name, %error, "cannot serve a serial master")
+                }
             }
         }
     }
@@ -332,7 +432,10 @@ impl North {
         let listener = Listener::new(settings.clone(), router, security);
         self.server.totals().reads().show(listener.reads());
         let serve = Rc::clone(&self.server).listen(socket?, Rc::clone(&listener));
-        Some(Listening { listener, task: tokio::task::spawn_local(serve).abort_handle() })
+        Some(Listening {
+            listener,
+            task: tokio::task::spawn_local(serve).abort_handle(),
+        })
     }
 
     /// Whether these are the settings of the present conversations.

@@ -24,7 +24,11 @@ pub fn ready(current: &Current) {
 /// Notifies that a reload begins; [`ready`] ends it.
 pub fn reloading() {
     match NotifyState::monotonic_usec_now() {
-        Ok(now) => say(&[NotifyState::Reloading, now, NotifyState::Status("reloading")]),
+        Ok(now) => say(&[
+            NotifyState::Reloading,
+            now,
+            NotifyState::Status("reloading"),
+        ]),
         // The service manager would treat the one without the other as a fault.
         Err(error) => tracing::warn!(%error, "cannot notify the service manager of the reload"),
     }
@@ -32,7 +36,10 @@ pub fn reloading() {
 
 /// Notifies that the gateway shuts down.
 pub fn stopping() {
-    say(&[NotifyState::Stopping, NotifyState::Status("shutting down: applying `on_shutdown` to each drive")]);
+    say(&[
+        NotifyState::Stopping,
+        NotifyState::Status("shutting down: applying `on_shutdown` to each drive"),
+    ]);
 }
 
 /// Checks that the lines' threads make progress, and sends heartbeats at half of the service manager's time-out while
@@ -51,7 +58,10 @@ pub async fn watch(current: Current) {
             match pulse.feel(&current.load().lines) {
                 Ok(()) => say(&[NotifyState::Watchdog]),
                 Err(hung) => {
-                    tracing::error!(?hung, "ALARM: line thread hangs; no heartbeat to the service manager")
+                    tracing::error!(
+                        ?hung,
+                        "ALARM: line thread hangs; no heartbeat to the service manager"
+                    )
                 }
             }
         }
@@ -69,7 +79,9 @@ pub async fn watch(current: Current) {
 
 /// Sends heartbeats without checking the lines, while these end one after the other.
 pub async fn keep_alive() {
-    let Some(granted) = sd_notify::watchdog_enabled().filter(|time| !time.is_zero()) else { return };
+    let Some(granted) = sd_notify::watchdog_enabled().filter(|time| !time.is_zero()) else {
+        return;
+    };
     loop {
         say(&[NotifyState::Watchdog]);
         tokio::time::sleep(granted / 2).await;
@@ -84,9 +96,21 @@ fn say(words: &[NotifyState<'_>]) {
 
 fn status(current: &Current) -> String {
     let shared = current.load();
-    let up = shared.lines.iter().filter(|line| line.report().state == LineState::Up).count();
-    let online = shared.drives.iter().filter(|drive| drive.view.load().is_online()).count();
-    format!("{up} of {} lines up, {online} of {} drives online", shared.lines.len(), shared.drives.len())
+    let up = shared
+        .lines
+        .iter()
+        .filter(|line| line.report().state == LineState::Up)
+        .count();
+    let online = shared
+        .drives
+        .iter()
+        .filter(|drive| drive.view.load().is_online())
+        .count();
+    format!(
+        "{up} of {} lines up, {online} of {} drives online",
+        shared.lines.len(),
+        shared.drives.len()
+    )
 }
 
 /// Whether the threads of all lines make progress.
@@ -100,10 +124,20 @@ impl Pulse {
     /// Wakes all threads, including sleeping ones, and finds the lines whose threads have made no round since the last
     /// check.
     fn feel(&mut self, lines: &[Arc<SharedLine>]) -> Result<(), Vec<Name>> {
-        let stands = |line: &&Arc<SharedLine>| self.rounds.get(&line.number) == Some(&line.rounds());
-        let hung: Vec<_> = lines.iter().filter(stands).map(|line| line.name.clone()).collect();
-        lines.iter().for_each(|line| line.set_hangs(hung.contains(&line.name)));
-        self.rounds = lines.iter().map(|line| (line.number, line.rounds())).collect();
+        let stands =
+            |line: &&Arc<SharedLine>| self.rounds.get(&line.number) == Some(&line.rounds());
+        let hung: Vec<_> = lines
+            .iter()
+            .filter(stands)
+            .map(|line| line.name.clone())
+            .collect();
+        lines
+            .iter()
+            .for_each(|line| line.set_hangs(hung.contains(&line.name)));
+        self.rounds = lines
+            .iter()
+            .map(|line| (line.number, line.rounds()))
+            .collect();
         lines.iter().for_each(|line| line.inbox.ring());
         if hung.is_empty() { Ok(()) } else { Err(hung) }
     }
@@ -115,7 +149,12 @@ mod tests {
     use crate::domain::link::Interface;
 
     fn line(number: u16, name: &str) -> Arc<SharedLine> {
-        Arc::new(SharedLine::new(number, Name::new(name).unwrap(), Interface::Rs485, []))
+        Arc::new(SharedLine::new(
+            number,
+            Name::new(name).unwrap(),
+            Interface::Rs485,
+            [],
+        ))
     }
 
     #[test]
@@ -138,7 +177,11 @@ mod tests {
         lines[1].count_round();
         assert_eq!(pulse.feel(&lines), Err(vec![Name::new("good").unwrap()]));
         lines.iter().for_each(|line| line.count_round());
-        assert_eq!(pulse.feel(&lines), Ok(()), "what comes round again is alive again");
+        assert_eq!(
+            pulse.feel(&lines),
+            Ok(()),
+            "what comes round again is alive again"
+        );
     }
 
     #[test]

@@ -7,7 +7,8 @@ use ring::digest::{SHA256, digest};
 use rustix::fs::{Mode, fchmod};
 use rustix::io::Errno;
 use rustix::net::{
-    AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, connect, listen, socket_with, sockopt,
+    AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, connect, listen, socket_with,
+    sockopt,
 };
 use rustix::process::geteuid;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -55,7 +56,10 @@ impl Lock {
     /// # Errors
     /// Another gateway has it.
     pub fn take(directory: &Path) -> Result<Self, AlreadyRunning> {
-        let taken = |holder| AlreadyRunning { holder, directory: directory.to_owned() };
+        let taken = |holder| AlreadyRunning {
+            holder,
+            directory: directory.to_owned(),
+        };
         let file = match file(&directory.join(FILE_NAME)) {
             Ok(Ok(file)) => Some(file),
             Ok(Err(holder)) => return Err(taken(holder)),
@@ -75,7 +79,10 @@ impl Lock {
                 None
             }
         };
-        Ok(Self { _file: file, _name: name })
+        Ok(Self {
+            _file: file,
+            _name: name,
+        })
     }
 }
 
@@ -83,7 +90,13 @@ impl Lock {
 fn file(path: &Path) -> io::Result<Result<File, String>> {
     let mut options = OpenOptions::new();
     // A process that can open it can hold the lock, and so keep the gateway from starting.
-    let opened = options.read(true).write(true).create(true).truncate(false).mode(0o600).open(path);
+    let opened = options
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600)
+        .open(path);
     // If it cannot be written, an existing file can still be locked.
     let (mut file, is_ours_to_write) = match opened {
         Ok(file) => (file, true),
@@ -112,20 +125,33 @@ fn holder(file: &mut File) -> String {
     let mut text = String::new();
     let read = file.take(HOLDER_BYTES_MAX).read_to_string(&mut text);
     let number = text.trim();
-    if read.is_ok() && !number.is_empty() { number.to_owned() } else { "unknown".to_owned() }
+    if read.is_ok() && !number.is_empty() {
+        number.to_owned()
+    } else {
+        "unknown".to_owned()
+    }
 }
 
 /// A socket with a name derived from `directory` that is never served: it exists as long as this process.
 fn name(directory: &Path) -> Result<OwnedFd, Refused> {
     let unknown = |error: Errno| Refused::Unknown(io::Error::from(error).to_string());
     // Independent of how the path is written, and also if it does not exist.
-    let place = directory.canonicalize().or_else(|_| std::path::absolute(directory));
+    let place = directory
+        .canonicalize()
+        .or_else(|_| std::path::absolute(directory));
     let place = place.unwrap_or_else(|_| directory.to_owned());
     let digest = digest(&SHA256, place.as_os_str().as_bytes());
-    let digest: String = digest.as_ref().iter().take(NAME_BYTES).map(|byte| format!("{byte:02x}")).collect();
-    let address = SocketAddrUnix::new_abstract_name(format!("vfd-gateway {digest}").as_bytes()).map_err(unknown)?;
+    let digest: String = digest
+        .as_ref()
+        .iter()
+        .take(NAME_BYTES)
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    let address = SocketAddrUnix::new_abstract_name(format!("vfd-gateway {digest}").as_bytes())
+        .map_err(unknown)?;
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-    let socket = || socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None).map_err(unknown);
+    let socket =
+        || socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None).map_err(unknown);
     let own = socket()?;
     match bind(&own, &address) {
         Ok(()) => listen(&own, 1).map(|()| own).map_err(unknown),
@@ -137,7 +163,9 @@ fn name(directory: &Path) -> Result<OwnedFd, Refused> {
             let process = other.pid.as_raw_nonzero();
             match other.uid.is_root() || other.uid == geteuid() {
                 true => Err(Refused::Gateway(process.to_string())),
-                false => Err(Refused::Unknown(format!("process {process} of another user has it"))),
+                false => Err(Refused::Unknown(format!(
+                    "process {process} of another user has it"
+                ))),
             }
         }
         Err(error) => Err(unknown(error)),
@@ -156,7 +184,11 @@ mod tests {
         // No user can write into it, not even root.
         std::fs::create_dir(&path).unwrap();
         let first = file(&path).unwrap().unwrap();
-        assert_eq!(file(&path).unwrap().unwrap_err(), "unknown", "nobody has signed it");
+        assert_eq!(
+            file(&path).unwrap().unwrap_err(),
+            "unknown",
+            "nobody has signed it"
+        );
         drop(first);
         assert!(file(&path).unwrap().is_ok());
     }
@@ -166,7 +198,10 @@ mod tests {
         let directory = Dir::new().join("gone");
         let first = Lock::take(&directory).unwrap();
         let taken = Lock::take(&directory).unwrap_err().to_string();
-        assert!(taken.contains(&format!("process {}", std::process::id())), "{taken}");
+        assert!(
+            taken.contains(&format!("process {}", std::process::id())),
+            "{taken}"
+        );
         assert!(Lock::take(&directory.join("another")).is_ok());
         drop(first);
         assert!(Lock::take(&directory).is_ok());

@@ -49,7 +49,10 @@ impl Load {
     /// The same for those who change the file.
     #[must_use]
     pub fn site(&self) -> Site {
-        Site { file: self.file.clone(), judge: Arc::clone(&self.judge) }
+        Site {
+            file: self.file.clone(),
+            judge: Arc::clone(&self.judge),
+        }
     }
 }
 
@@ -83,7 +86,10 @@ pub struct Loader {
 impl Loader {
     async fn load(&mut self, load: &Load, within: Duration) -> Result<Config, Refusal> {
         let late = || {
-            let what = format!("the files of the configuration cannot be read within {} s", within.as_secs());
+            let what = format!(
+                "the files of the configuration cannot be read within {} s",
+                within.as_secs()
+            );
             Refusal::System(what)
         };
         if let Some(earlier) = &mut self.running {
@@ -92,7 +98,9 @@ impl Loader {
             self.running = None;
         }
         let read = Arc::clone(&load.read);
-        let running = self.running.insert(tokio::task::spawn_blocking(move || read()));
+        let running = self
+            .running
+            .insert(tokio::task::spawn_blocking(move || read()));
         let loaded = timeout(within, running).await.map_err(|_| late())?;
         self.running = None;
         match loaded {
@@ -124,7 +132,9 @@ impl Gateway {
         }
         let prepared = self.prepare(&new, &change).await?;
         let mut told = change.told.clone();
-        if !self.north.talks_as(prepared.broker_side.as_ref()) && told.iter().all(|it| it.part != ConfigPart::Mqtt) {
+        if !self.north.talks_as(prepared.broker_side.as_ref())
+            && told.iter().all(|it| it.part != ConfigPart::Mqtt)
+        {
             told.push(ChangeNote::mqtt_changed());
         }
         let ending = self.numbers(&change);
@@ -132,15 +142,29 @@ impl Gateway {
         self.have_leave(&ending, new.gateway.on_removal).await?;
         let warnings = new.warnings.clone();
         self.switch(new, &change, &ending, prepared).await;
-        Ok(Applied { changes: told, warnings })
+        Ok(Applied {
+            changes: told,
+            warnings,
+        })
     }
 
     async fn prepare(&mut self, new: &Config, change: &Change) -> Result<Prepared, Refusal> {
         let system = |error: &dyn fmt::Display| Refusal::System(error.to_string());
-        let has_http_moved = self.config.http.as_ref().map(|it| it.listen) != new.http.as_ref().map(|it| it.listen);
-        let bound = north::bind(new, &change.listeners, has_http_moved).await.map_err(|error| system(&error))?;
-        let broker = if self.broker.is_some() { None } else { embedded_broker(new).map_err(|error| system(&error))? };
-        let broker_at = self.broker.as_ref().or(broker.as_ref()).map(BrokerChild::address);
+        let has_http_moved =
+            self.config.http.as_ref().map(|it| it.listen) != new.http.as_ref().map(|it| it.listen);
+        let bound = north::bind(new, &change.listeners, has_http_moved)
+            .await
+            .map_err(|error| system(&error))?;
+        let broker = if self.broker.is_some() {
+            None
+        } else {
+            embedded_broker(new).map_err(|error| system(&error))?
+        };
+        let broker_at = self
+            .broker
+            .as_ref()
+            .or(broker.as_ref())
+            .map(BrokerChild::address);
         let broker_side = match new.mqtt.clone() {
             Some(mqtt) => Some(self.broker_side(mqtt, new, broker_at).await?),
             None => None,
@@ -155,10 +179,21 @@ impl Gateway {
             }
             let line = Arc::new(build::shared_line(self.lines.next_number(), settings));
             lines.push(Arc::clone(&line));
-            handles.push(self.lines.prepare(settings, line).await.map_err(|error| system(&error))?);
+            handles.push(
+                self.lines
+                    .prepare(settings, line)
+                    .await
+                    .map_err(|error| system(&error))?,
+            );
         }
         let shared = Arc::new(Shared::of(lines, Arc::clone(&old.changed)));
-        Ok(Prepared { shared, handles, bound, broker_side, broker })
+        Ok(Prepared {
+            shared,
+            handles,
+            bound,
+            broker_side,
+            broker,
+        })
     }
 
     /// Secrets and certificates are read outside the runtime: their storage may be slow.
@@ -170,7 +205,14 @@ impl Gateway {
     ) -> Result<BrokerSide, Refusal> {
         let name = self.name.clone();
         let (data_dir, standby) = (new.gateway.data_dir.clone(), new.standby.clone());
-        let build = move || build::broker(&mqtt, (&name, standby.as_ref()), data_dir.as_deref(), embedded);
+        let build = move || {
+            build::broker(
+                &mqtt,
+                (&name, standby.as_ref()),
+                data_dir.as_deref(),
+                embedded,
+            )
+        };
         let read = tokio::task::spawn_blocking(build).await;
         let read = read.map_err(|error| Refusal::System(error.to_string()))?;
         read.map_err(|error| Refusal::System(format!("mqtt: {error}")))
@@ -179,14 +221,20 @@ impl Gateway {
     /// The numbers of the removed lines.
     fn numbers(&self, change: &Change) -> Vec<u16> {
         let lines = &self.current.load().lines;
-        change.ended.iter().filter_map(|at| lines.get(*at)).map(|line| line.number).collect()
+        change
+            .ended
+            .iter()
+            .filter_map(|at| lines.get(*at))
+            .map(|line| line.number)
+            .collect()
     }
 
     /// Another gateway takes over what runs on the lines that end, if one listens there. If none does, the drives are in
     /// use as on any line.
     async fn hand_over(&self, ending: &[u16]) {
         let lines = &self.current.get().lines;
-        let ends = |line: &&Arc<SharedLine>| line.standby.is_some() && ending.contains(&line.number);
+        let ends =
+            |line: &&Arc<SharedLine>| line.standby.is_some() && ending.contains(&line.number);
         let lines: Vec<_> = lines.iter().filter(ends).cloned().collect();
         for (line, outcome) in hand_over(&lines).await {
             tracing::info!(line = %line.name, outcome = outcome.word(), "the line ends by a reload: asked to give it up");
@@ -202,22 +250,36 @@ impl Gateway {
             return Ok(());
         }
         self.lines.stay(ending);
-        Err(if stops { Refusal::NoEffect(names) } else { Refusal::InUse(names) })
+        Err(if stops {
+            Refusal::NoEffect(names)
+        } else {
+            Refusal::InUse(names)
+        })
     }
 
     /// The remembered state of all drives.
     async fn memory(&self) -> Memory {
-        let Some(journal) = &self.journal else { return Memory::new() };
+        let Some(journal) = &self.journal else {
+            return Memory::new();
+        };
         let memory = journal.memory(MEMORY_WITHIN).await;
         if memory.is_none() {
-            tracing::error!("ALARM: journal does not respond; new lines start without remembered state");
+            tracing::error!(
+                "ALARM: journal does not respond; new lines start without remembered state"
+            );
         }
         memory.unwrap_or_default()
     }
 
     /// Nothing here can fail.
     async fn switch(&mut self, new: Config, change: &Change, ending: &[u16], prepared: Prepared) {
-        let Prepared { shared, handles, bound, broker_side, broker } = prepared;
+        let Prepared {
+            shared,
+            handles,
+            bound,
+            broker_side,
+            broker,
+        } = prepared;
         // Before the new ones begin: they may use the same ports.
         self.lines.end(ending).await;
         let changed = Arc::clone(&shared.changed);
@@ -247,14 +309,28 @@ mod tests {
             Err("read".to_owned())
         };
         let judge: Arc<Judge> = Arc::new(|_| Err("not judged".to_owned()));
-        let load = Load { file: PathBuf::new(), read: Arc::new(read), judge };
+        let load = Load {
+            file: PathBuf::new(),
+            read: Arc::new(read),
+            judge,
+        };
         let mut loader = Loader::default();
         for _ in 0..2 {
-            let refused = loader.load(&load, Duration::from_millis(10)).await.unwrap_err();
-            assert!(matches!(&refused, Refusal::System(what) if what.contains("cannot be read within")), "{refused}");
+            let refused = loader
+                .load(&load, Duration::from_millis(10))
+                .await
+                .unwrap_err();
+            assert!(
+                matches!(&refused, Refusal::System(what) if what.contains("cannot be read within")),
+                "{refused}"
+            );
         }
         drop(release);
         let refused = loader.load(&load, LOADED_WITHIN).await.unwrap_err();
-        assert_eq!(refused, Refusal::Configuration("read".to_owned()), "it is read anew");
+        assert_eq!(
+            refused,
+            Refusal::Configuration("read".to_owned()),
+            "it is read anew"
+        );
     }
 }

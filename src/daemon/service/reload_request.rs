@@ -83,7 +83,11 @@ struct Named<'n>(&'n [String]);
 
 impl fmt::Display for Named<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (noun, verb) = if self.0.len() == 1 { ("drive", "is") } else { ("drives", "are") };
+        let (noun, verb) = if self.0.len() == 1 {
+            ("drive", "is")
+        } else {
+            ("drives", "are")
+        };
         write!(f, "{noun} {} {verb}", self.0.join(", "))
     }
 }

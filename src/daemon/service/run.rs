@@ -59,7 +59,12 @@ impl Running<'_> {
     /// The counters of each line.
     #[must_use]
     pub fn counters(&self) -> Vec<LineCounters> {
-        self.shared.load().lines.iter().map(|line| line.report().counters).collect()
+        self.shared
+            .load()
+            .lines
+            .iter()
+            .map(|line| line.report().counters)
+            .collect()
     }
 }
 
@@ -83,25 +88,41 @@ where
 ///
 /// # Errors
 /// [`StartError`]; nothing keeps running then.
-pub fn run_for_tool<F>(config: &Config, connections: ToolConnections, until: F) -> Result<(), StartError>
+pub fn run_for_tool<F>(
+    config: &Config,
+    connections: ToolConnections,
+    until: F,
+) -> Result<(), StartError>
 where
     F: AsyncFnOnce(&Running<'_>),
 {
     run_for(config, None, Some(connections), until)
 }
 
-fn run_for<F>(config: &Config, load: Option<Load>, tool: Option<ToolConnections>, until: F) -> Result<(), StartError>
+fn run_for<F>(
+    config: &Config,
+    load: Option<Load>,
+    tool: Option<ToolConnections>,
+    until: F,
+) -> Result<(), StartError>
 where
     F: AsyncFnOnce(&Running<'_>),
 {
     sys::give_memory_back();
     let mut runtime = tokio::runtime::Builder::new_current_thread();
-    let runtime = runtime.enable_all().max_blocking_threads(BESIDE_THREADS_MAX).build()?;
+    let runtime = runtime
+        .enable_all()
+        .max_blocking_threads(BESIDE_THREADS_MAX)
+        .build()?;
     let local = LocalSet::new();
     let ended = runtime.block_on(local.run_until(async {
         let (reloads, asked) = Reloads::channel();
-        let (mut gateway, shown) =
-            start(config, load.as_ref().map(|load| (load.site(), reloads.clone())), tool).await?;
+        let (mut gateway, shown) = start(
+            config,
+            load.as_ref().map(|load| (load.site(), reloads.clone())),
+            tool,
+        )
+        .await?;
         if load.is_some() {
             tokio::task::spawn_local(reload_on_hangup(signal(SignalKind::hangup())?, reloads));
         }
@@ -110,7 +131,13 @@ where
         let name = gateway.name.clone();
         let current = gateway.current.clone();
         let (listening, http, broker) = shown;
-        let running = Running { name: &name, listening, http, broker, shared: &current };
+        let running = Running {
+            name: &name,
+            listening,
+            http,
+            broker,
+            shared: &current,
+        };
         serve(&mut gateway, load.as_ref(), asked, until(&running)).await;
         watch.abort();
         Ok(end(gateway).await)
@@ -142,21 +169,40 @@ async fn start(
 ) -> Result<(Gateway, Addresses), StartError> {
     warn_of(&config.warnings);
     let name = name_of(config);
-    let sides = NorthSides { mqtt: Some(Arc::default()), sparkplug: Some(Arc::default()), ..NorthSides::default() };
+    let sides = NorthSides {
+        mqtt: Some(Arc::default()),
+        sparkplug: Some(Arc::default()),
+        ..NorthSides::default()
+    };
     let shared = Arc::new(build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
     if let Some(directory) = &data_dir {
         make_data_dir(directory);
     }
     let (site, reloads) = reloads.unzip();
-    let socket = data_dir.as_deref().map(OwnSocket::open).transpose()?.map(|socket| (socket, reloads));
-    let bound = if tool.is_some() { north::unbound(config) } else { north::bind(config, &[], true).await? };
+    let socket = data_dir
+        .as_deref()
+        .map(OwnSocket::open)
+        .transpose()?
+        .map(|socket| (socket, reloads));
+    let bound = if tool.is_some() {
+        north::unbound(config)
+    } else {
+        north::bind(config, &[], true).await?
+    };
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
     let mqtt = config
         .mqtt
         .as_ref()
-        .map(|mqtt| build::broker(mqtt, (&name, config.standby.as_ref()), data_dir.as_deref(), broker_at))
+        .map(|mqtt| {
+            build::broker(
+                mqtt,
+                (&name, config.standby.as_ref()),
+                data_dir.as_deref(),
+                broker_at,
+            )
+        })
         .transpose();
     let broker_side = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
@@ -169,13 +215,30 @@ async fn start(
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
-    let north = North::start(config, (&name, site), current.clone(), sides, bound, socket, broker_side);
+    let north = North::start(
+        config,
+        (&name, site),
+        current.clone(),
+        sides,
+        bound,
+        socket,
+        broker_side,
+    );
     if let Some(connections) = tool {
         north.serve_tool(config, connections);
     }
     lines.begin(handles, &memory);
     let loader = Loader::default();
-    let gateway = Gateway { config: config.clone(), name, current, lines, north, broker, journal, loader };
+    let gateway = Gateway {
+        config: config.clone(),
+        name,
+        current,
+        lines,
+        north,
+        broker,
+        journal,
+        loader,
+    };
     Ok((gateway, (listening, http, broker_at)))
 }
 
@@ -211,7 +274,10 @@ async fn serve(
                 warn_of(&applied.warnings);
             }
             Err(refusal) => {
-                tracing::error!(reason = refusal.word(), "configuration unchanged: {refusal}");
+                tracing::error!(
+                    reason = refusal.word(),
+                    "configuration unchanged: {refusal}"
+                );
             }
         }
         notify::ready(&gateway.current);
@@ -240,7 +306,13 @@ async fn reload(gateway: &mut Gateway, load: Option<&Load>) -> Reloaded {
 async fn end(gateway: Gateway) -> Lines {
     notify::stopping();
     let alive = tokio::task::spawn_local(notify::keep_alive());
-    let Gateway { mut lines, north, broker, journal, .. } = gateway;
+    let Gateway {
+        mut lines,
+        north,
+        broker,
+        journal,
+        ..
+    } = gateway;
     lines.begin_shutdown();
     let again = async {
         match told_to_end() {
@@ -279,15 +351,36 @@ fn name_of(config: &Config) -> Name {
     let host = || {
         let host = uname().nodename().to_string_lossy().into_owned();
         let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        let text: String = host.chars().filter(|c| fits(*c)).take(Name::MAX_CHARS).collect();
+        let text: String = host
+            .chars()
+            .filter(|c| fits(*c))
+            .take(Name::MAX_CHARS)
+            .collect();
         Name::new(&text)
     };
-    config.gateway.name.clone().or_else(host).unwrap_or_else(Name::fallback)
+    config
+        .gateway
+        .name
+        .clone()
+        .or_else(host)
+        .unwrap_or_else(Name::fallback)
 }
 
 /// `sides` with the journal, if there is a data directory, and the remembered state of the drives.
-fn with_journal(config: &Config, sides: NorthSides, changed: &Arc<Bell>) -> io::Result<(NorthSides, Memory)> {
-    let Some(settings) = build::journal(config) else { return Ok((sides, Memory::new())) };
+fn with_journal(
+    config: &Config,
+    sides: NorthSides,
+    changed: &Arc<Bell>,
+) -> io::Result<(NorthSides, Memory)> {
+    let Some(settings) = build::journal(config) else {
+        return Ok((sides, Memory::new()));
+    };
     let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;
-    Ok((NorthSides { journal: Some(journal), ..sides }, memory))
+    Ok((
+        NorthSides {
+            journal: Some(journal),
+            ..sides
+        },
+        memory,
+    ))
 }

@@ -11,7 +11,11 @@ use std::task::{Context, Poll};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 /// What asks a program to end.
-const ENDS: [(Number, &str); 3] = [(Number::INT, "SIGINT"), (Number::TERM, "SIGTERM"), (Number::QUIT, "SIGQUIT")];
+const ENDS: [(Number, &str); 3] = [
+    (Number::INT, "SIGINT"),
+    (Number::TERM, "SIGTERM"),
+    (Number::QUIT, "SIGQUIT"),
+];
 /// What has no meaning here.
 const IGNORED: [(Number, &str); 9] = [
     (Number::USR1, "SIGUSR1"),
@@ -36,11 +40,17 @@ struct Named {
 
 impl Named {
     fn of((number, name): &(Number, &'static str)) -> io::Result<Self> {
-        Ok(Self { signal: signal(SignalKind::from_raw(number.as_raw()))?, name: Cow::Borrowed(name) })
+        Ok(Self {
+            signal: signal(SignalKind::from_raw(number.as_raw()))?,
+            name: Cow::Borrowed(name),
+        })
     }
 
     fn of_program(number: i32) -> io::Result<Self> {
-        Ok(Self { signal: signal(SignalKind::from_raw(number))?, name: Cow::Owned(format!("signal {number}")) })
+        Ok(Self {
+            signal: signal(SignalKind::from_raw(number))?,
+            name: Cow::Owned(format!("signal {number}")),
+        })
     }
 
     fn has_come(&mut self, cx: &mut Context<'_>) -> bool {
@@ -56,7 +66,10 @@ impl Named {
 /// The system's refusal to install the handlers.
 pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
     let mut ends = ENDS.iter().map(Named::of).collect::<io::Result<Vec<_>>>()?;
-    let mut ignored = IGNORED.iter().map(Named::of).collect::<io::Result<Vec<_>>>()?;
+    let mut ignored = IGNORED
+        .iter()
+        .map(Named::of)
+        .collect::<io::Result<Vec<_>>>()?;
     // A system without some of them sends none.
     ignored.extend(OF_PROGRAMS.filter_map(|number| Named::of_program(number).ok()));
     // A file that may not grow is an error of the write then. To log it could write to that very file.
@@ -68,7 +81,9 @@ pub fn told_to_end() -> io::Result<impl Future<Output = ()>> {
                     tracing::warn!(signal = %it.name, "signal ignored: it has no meaning here");
                 }
             }
-            ends.iter_mut().find_map(|it| it.has_come(cx).then(|| it.name.clone())).map_or(Poll::Pending, Poll::Ready)
+            ends.iter_mut()
+                .find_map(|it| it.has_come(cx).then(|| it.name.clone()))
+                .map_or(Poll::Pending, Poll::Ready)
         })
         .await;
         tracing::debug!(signal = %name, "ended by a signal");

@@ -46,7 +46,10 @@ impl Stalls {
     /// A stall that has just ended, however long a test takes.
     #[cfg(test)]
     pub fn just_ended() -> Self {
-        Self(Mutex::new(LastStall { turns: None, ended: Some(clock::now() + Duration::from_secs(3600)) }))
+        Self(Mutex::new(LastStall {
+            turns: None,
+            ended: Some(clock::now() + Duration::from_secs(3600)),
+        }))
     }
 
     /// Watches the clock until the task is dropped.
@@ -60,14 +63,18 @@ impl Stalls {
 
     /// Whether what is read `now` may have waited for the end of a stall, if the socket was read empty at `emptied`.
     pub fn may_have_waited(&self, now: MonoTime, emptied: MonoTime) -> bool {
-        self.look(now).is_some_and(|ended| emptied < ended && now.since(ended) < READ_WITHIN)
+        self.look(now)
+            .is_some_and(|ended| emptied < ended && now.since(ended) < READ_WITHIN)
     }
 
     /// The first call after a stall finds it. Returns when the last one was over.
     fn look(&self, now: MonoTime) -> Option<MonoTime> {
         let mut seen = self.lock();
         if let Some(stood) = seen.turns.as_mut().and_then(|turns| turns.turn(now)) {
-            tracing::warn!(?stood, "process was suspended; executing only STOPs received meanwhile");
+            tracing::warn!(
+                ?stood,
+                "process was suspended; executing only STOPs received meanwhile"
+            );
             seen.ended = Some(now);
         }
         seen.ended
@@ -87,17 +94,29 @@ mod tests {
     }
 
     fn watched_at(ms: u64) -> Stalls {
-        Stalls(Mutex::new(LastStall { turns: Some(Turns::new(at(ms))), ended: None }))
+        Stalls(Mutex::new(LastStall {
+            turns: Some(Turns::new(at(ms))),
+            ended: None,
+        }))
     }
 
     #[test]
     fn what_was_there_at_the_end_of_a_stall_may_have_waited_until_all_of_it_is_read() {
         let stalls = watched_at(0);
         assert!(!stalls.may_have_waited(at(999), at(0)), "a busy machine");
-        assert!(stalls.may_have_waited(at(1_999), at(999)), "whoever reads first sees the stall");
+        assert!(
+            stalls.may_have_waited(at(1_999), at(999)),
+            "whoever reads first sees the stall"
+        );
         assert!(stalls.may_have_waited(at(2_500), at(999)));
-        assert!(!stalls.may_have_waited(at(2_500), at(1_999)), "it was read empty since");
-        assert!(!stalls.may_have_waited(at(2_999), at(999)), "nobody is read so late");
+        assert!(
+            !stalls.may_have_waited(at(2_500), at(1_999)),
+            "it was read empty since"
+        );
+        assert!(
+            !stalls.may_have_waited(at(2_999), at(999)),
+            "nobody is read so late"
+        );
     }
 
     #[test]

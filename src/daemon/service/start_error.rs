@@ -46,7 +46,9 @@ fn listen_hint(error: &io::Error) -> &'static str {
         io::ErrorKind::AddrInUse => {
             "; another program uses this port (`ss -ltnp` shows which): end it, or set another `listen`"
         }
-        io::ErrorKind::AddrNotAvailable => "; this host has no such address (`ip address` shows those that it has)",
+        io::ErrorKind::AddrNotAvailable => {
+            "; this host has no such address (`ip address` shows those that it has)"
+        }
         io::ErrorKind::PermissionDenied => {
             "; ports below 1024 need the right CAP_NET_BIND_SERVICE: set another `listen`, such as port 1502"
         }

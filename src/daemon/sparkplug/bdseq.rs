@@ -42,7 +42,11 @@ impl BdSeq {
                 None
             }
         };
-        Self { file, last, is_spare: false }
+        Self {
+            file,
+            last,
+            is_spare: false,
+        }
     }
 
     /// The number of the next connection, and blocking work to be done before it begins.

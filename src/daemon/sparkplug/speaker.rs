@@ -49,14 +49,34 @@ impl Speaker {
     /// Serves the drives and lines of `sides`; connections are numbered by `bdseq`. Tickets start at `first_ticket`, so
     /// that no answer to an earlier session is taken for one to this session.
     #[must_use]
-    pub fn new(settings: Settings, bdseq: BdSeq, sides: Sides, first_ticket: Ticket, at: Moment) -> Self {
+    pub fn new(
+        settings: Settings,
+        bdseq: BdSeq,
+        sides: Sides,
+        first_ticket: Ticket,
+        at: Moment,
+    ) -> Self {
         let shared = sides.current.get();
-        let mut session = Session::new(settings, drives_of(&shared), &lines_of(&shared), at, random::secret());
+        let mut session = Session::new(
+            settings,
+            drives_of(&shared),
+            &lines_of(&shared),
+            at,
+            random::secret(),
+        );
         session.count_tickets_from(first_ticket);
         let views = Vec::new();
         let lines = Vec::new();
         let batch = Vec::new();
-        let mut speaker = Self { session, bdseq, sides, shared, views, lines, batch };
+        let mut speaker = Self {
+            session,
+            bdseq,
+            sides,
+            shared,
+            views,
+            lines,
+            batch,
+        };
         // The first birth may be sent before anything changes.
         speaker.look_at_views();
         speaker
@@ -78,7 +98,8 @@ impl Speaker {
         }
         self.take_news();
         self.shared = self.sides.current.get();
-        self.session.replace(drives_of(&self.shared), &lines_of(&self.shared));
+        self.session
+            .replace(drives_of(&self.shared), &lines_of(&self.shared));
         self.look_at_views();
     }
 
@@ -90,7 +111,12 @@ impl Speaker {
 
     fn look_at_views(&mut self) {
         self.views.clear();
-        self.views.extend(self.shared.drives.iter().map(|drive| drive.view.load_full()));
+        self.views.extend(
+            self.shared
+                .drives
+                .iter()
+                .map(|drive| drive.view.load_full()),
+        );
         self.lines.clear();
         let line = |line: &Arc<SharedLine>| LineState {
             name: line.name.clone(),
@@ -132,16 +158,32 @@ impl Speaker {
     }
 
     fn count(&mut self, at: Moment) {
-        while let Some(Oversized { topic, bytes, limit }) = self.session.next_oversized() {
-            tracing::warn!(topic, bytes, limit, "publication is larger than the broker takes; it is not published");
+        while let Some(Oversized {
+            topic,
+            bytes,
+            limit,
+        }) = self.session.next_oversized()
+        {
+            tracing::warn!(
+                topic,
+                bytes,
+                limit,
+                "publication is larger than the broker takes; it is not published"
+            );
         }
         self.sides.totals.set_oversized(self.session.oversized());
-        self.sides.totals.set(self.session.is_path_alive(at), &self.session.counters());
+        self.sides
+            .totals
+            .set(self.session.is_path_alive(at), &self.session.counters());
     }
 }
 
 fn drives_of(shared: &Shared) -> Vec<DriveDescription> {
-    shared.drives.iter().map(|drive| drive.description.clone()).collect()
+    shared
+        .drives
+        .iter()
+        .map(|drive| drive.description.clone())
+        .collect()
 }
 
 fn lines_of(shared: &Shared) -> Vec<Name> {
@@ -191,7 +233,10 @@ impl Protocol for Speaker {
     }
 
     fn next_wake(&self) -> Option<MonoTime> {
-        [self.session.next_wake(), self.sides.news.next_release()].into_iter().flatten().min()
+        [self.session.next_wake(), self.sides.news.next_release()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     fn next_packet(&mut self, at: Moment) -> Option<Packet> {
@@ -209,7 +254,9 @@ impl Protocol for Speaker {
 
     fn contested(&mut self, rival: Option<Rival>) {
         // The other gateway of a pair has taken the line over, and is the edge node from then on.
-        self.sides.totals.contested(rival.is_some() && self.session.wants_connection());
+        self.sides
+            .totals
+            .contested(rival.is_some() && self.session.wants_connection());
     }
 
     fn lost(&mut self, reason: &str) {

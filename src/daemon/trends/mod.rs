@@ -41,8 +41,15 @@ impl Trends {
     pub fn start(directory: &Path) -> io::Result<Arc<Self>> {
         let file = directory.join(FILE_NAME);
         let (minutes, waiting) = sync_channel(WAITING_MAX);
-        let writer = Writer { file: file.clone(), store: None, opened: None, is_told: false };
-        std::thread::Builder::new().name("trends".to_owned()).spawn(move || writer.run(&waiting))?;
+        let writer = Writer {
+            file: file.clone(),
+            store: None,
+            opened: None,
+            is_told: false,
+        };
+        std::thread::Builder::new()
+            .name("trends".to_owned())
+            .spawn(move || writer.run(&waiting))?;
         Ok(Arc::new(Self { file, minutes }))
     }
 
@@ -110,7 +117,9 @@ impl Writer {
                 Ok(aside) => {
                     tracing::error!(%error, aside = %aside.display(), "trends were damaged; starting new ones")
                 }
-                Err(aside) => tracing::error!(%error, %aside, %file, "trends are damaged and cannot be moved aside"),
+                Err(aside) => {
+                    tracing::error!(%error, %aside, %file, "trends are damaged and cannot be moved aside")
+                }
             }
         } else if !self.is_told {
             tracing::warn!(%error, %file, "trends cannot be kept; trying again every minute");
@@ -120,5 +129,8 @@ impl Writer {
 }
 
 fn is_damaged(error: &Error) -> bool {
-    matches!(error.sqlite_error_code(), Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase))
+    matches!(
+        error.sqlite_error_code(),
+        Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+    )
 }

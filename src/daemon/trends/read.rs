@@ -24,12 +24,18 @@ pub fn history(
         return Ok(history);
     }
     let connection = connect(file)?;
-    let mut shapes = connection.prepare("SELECT number, columns FROM shape WHERE drive = ? ORDER BY number DESC")?;
-    let shapes = shapes.query_map([drive], |row| Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?)))?;
+    let mut shapes = connection
+        .prepare("SELECT number, columns FROM shape WHERE drive = ? ORDER BY number DESC")?;
+    let shapes = shapes.query_map([drive], |row| {
+        Ok((row.get::<_, i64>(0)?, row.get::<_, String>(1)?))
+    })?;
     let shapes = shapes.collect::<Result<Vec<_>, _>>()?;
     let first = "SELECT min(at) FROM (SELECT at FROM moment WHERE step = ? AND at <= ? ORDER BY at DESC LIMIT ?)";
-    let first: Option<i64> = connection.query_row(first, (level.step_s, until_s, rows), |row| row.get(0))?;
-    let Some(first) = first else { return Ok(history) };
+    let first: Option<i64> =
+        connection.query_row(first, (level.step_s, until_s, rows), |row| row.get(0))?;
+    let Some(first) = first else {
+        return Ok(history);
+    };
     let mut select = connection
         .prepare("SELECT at, cells FROM cells WHERE step = ? AND at BETWEEN ? AND ? AND shape = ? ORDER BY at")?;
     for (number, columns) in shapes {

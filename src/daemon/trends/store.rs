@@ -34,19 +34,28 @@ impl Store {
     pub fn open(path: &Path) -> Result<Self, Error> {
         let connection = Connection::open(path)?;
         connection.busy_timeout(BUSY_WAIT)?;
-        let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
-        let application: i64 = connection.pragma_query_value(None, "application_id", |row| row.get(0))?;
+        let tables: i64 =
+            connection.query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))?;
+        let application: i64 =
+            connection.pragma_query_value(None, "application_id", |row| row.get(0))?;
         if tables > 0 && application != APPLICATION {
             let foreign = rusqlite::ffi::Error::new(rusqlite::ffi::SQLITE_NOTADB);
-            return Err(Error::SqliteFailure(foreign, Some("it is a database of another program".to_owned())));
+            return Err(Error::SqliteFailure(
+                foreign,
+                Some("it is a database of another program".to_owned()),
+            ));
         }
         connection.pragma_update_and_check(None, "journal_mode", "WAL", |_| Ok(()))?;
-        connection.pragma_update_and_check(None, "journal_size_limit", LOG_BYTES_KEPT, |_| Ok(()))?;
+        connection
+            .pragma_update_and_check(None, "journal_size_limit", LOG_BYTES_KEPT, |_| Ok(()))?;
         connection.pragma_update(None, "synchronous", "NORMAL")?;
         connection.pragma_update(None, "application_id", APPLICATION)?;
         connection.execute_batch(TABLES)?;
         // Of drives that were removed or have another model.
-        connection.execute("DELETE FROM shape WHERE number NOT IN (SELECT shape FROM cells)", [])?;
+        connection.execute(
+            "DELETE FROM shape WHERE number NOT IN (SELECT shape FROM cells)",
+            [],
+        )?;
         Ok(Self(connection))
     }
 
@@ -70,35 +79,61 @@ impl Store {
     }
 }
 
-fn shape(transaction: &Transaction<'_>, Minute { drive, columns, .. }: &Minute) -> Result<i64, Error> {
+fn shape(
+    transaction: &Transaction<'_>,
+    Minute { drive, columns, .. }: &Minute,
+) -> Result<i64, Error> {
     let key = (drive.as_str(), columns);
     let find = "SELECT number FROM shape WHERE drive = ? AND columns = ?";
-    if let Some(number) = transaction.prepare_cached(find)?.query_row(key, |row| row.get(0)).optional()? {
+    if let Some(number) = transaction
+        .prepare_cached(find)?
+        .query_row(key, |row| row.get(0))
+        .optional()?
+    {
         return Ok(number);
     }
     transaction.execute("INSERT INTO shape (drive, columns) VALUES (?, ?)", key)?;
     Ok(transaction.last_insert_rowid())
 }
 
-fn merge(transaction: &Transaction<'_>, key: (i64, i64, i64), minute: &Minute) -> Result<(), Error> {
+fn merge(
+    transaction: &Transaction<'_>,
+    key: (i64, i64, i64),
+    minute: &Minute,
+) -> Result<(), Error> {
     let find = "SELECT cells FROM cells WHERE step = ? AND at = ? AND shape = ?";
-    let known: Option<Vec<u8>> = transaction.prepare_cached(find)?.query_row(key, |row| row.get(0)).optional()?;
-    let cells = known.map_or_else(|| stored(&minute.cells), |known| merged(&known, &minute.cells));
+    let known: Option<Vec<u8>> = transaction
+        .prepare_cached(find)?
+        .query_row(key, |row| row.get(0))
+        .optional()?;
+    let cells = known.map_or_else(
+        || stored(&minute.cells),
+        |known| merged(&known, &minute.cells),
+    );
     let (step, at, shape) = key;
     transaction
         .prepare_cached("INSERT OR REPLACE INTO cells VALUES (?, ?, ?, ?)")?
         .execute((step, at, shape, cells))?;
-    transaction.prepare_cached("INSERT OR IGNORE INTO moment VALUES (?, ?)")?.execute((step, at))?;
+    transaction
+        .prepare_cached("INSERT OR IGNORE INTO moment VALUES (?, ?)")?
+        .execute((step, at))?;
     Ok(())
 }
 
 /// Deletes the oldest rows. They are counted, so that a clock that was set ahead deletes no more than it adds.
 fn cut(transaction: &Transaction<'_>, step: i64, rows: usize) -> Result<(), Error> {
     let oldest = "SELECT at FROM moment WHERE step = ? ORDER BY at DESC LIMIT 1 OFFSET ?";
-    let last: Option<i64> = transaction.prepare_cached(oldest)?.query_row((step, rows), |row| row.get(0)).optional()?;
+    let last: Option<i64> = transaction
+        .prepare_cached(oldest)?
+        .query_row((step, rows), |row| row.get(0))
+        .optional()?;
     if let Some(last) = last {
-        transaction.prepare_cached("DELETE FROM cells WHERE step = ? AND at <= ?")?.execute((step, last))?;
-        transaction.prepare_cached("DELETE FROM moment WHERE step = ? AND at <= ?")?.execute((step, last))?;
+        transaction
+            .prepare_cached("DELETE FROM cells WHERE step = ? AND at <= ?")?
+            .execute((step, last))?;
+        transaction
+            .prepare_cached("DELETE FROM moment WHERE step = ? AND at <= ?")?
+            .execute((step, last))?;
     }
     Ok(())
 }

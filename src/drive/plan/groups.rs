@@ -34,7 +34,9 @@ impl Pace {
             };
             wanted.mul_f64(stretch).max(Duration::from_millis(1))
         };
-        Self { periods: PollClass::ALL.map(period) }
+        Self {
+            periods: PollClass::ALL.map(period),
+        }
     }
 
     /// Time between two polls of `class`.
@@ -65,28 +67,63 @@ impl PollGroup {
     /// One read for both, if `model` takes one so long: its first register, its words, and those of them that lie between
     /// the two groups.
     pub(super) fn with(&self, other: &Self, model: &Model) -> Option<(Address, u16, u16)> {
-        let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
-        let hole = high.address.offset_from(low.address.checked_add(low.count)?)?;
+        let (low, high) = if self.address <= other.address {
+            (self, other)
+        } else {
+            (other, self)
+        };
+        let hole = high
+            .address
+            .offset_from(low.address.checked_add(low.count)?)?;
         let words = low.count.checked_add(hole)?.checked_add(high.count)?;
-        (hole <= HOLE_MAX && words <= model.words_in_one_read(low.address)).then_some((low.address, words, hole))
+        (hole <= HOLE_MAX && words <= model.words_in_one_read(low.address)).then_some((
+            low.address,
+            words,
+            hole,
+        ))
     }
 
     /// Both halves, without a value of two words between them; `None` if it is a single value.
     pub(super) fn halves(&self, model: &Model) -> Option<(Self, Self)> {
         let is_split = |register: &Register, offset| {
-            register.form.words() > 1 && self.address.checked_add(offset - 1) == Some(register.address)
+            register.form.words() > 1
+                && self.address.checked_add(offset - 1) == Some(register.address)
         };
-        let may = |offset: &u16| !model.registers.iter().any(|register| is_split(register, *offset));
-        let offset = (1..self.count).filter(may).min_by_key(|offset| offset.abs_diff(self.count / 2))?;
-        let high = Self { address: self.address.checked_add(offset)?, count: self.count - offset, ..*self };
-        Some((Self { count: offset, ..*self }, high))
+        let may = |offset: &u16| {
+            !model
+                .registers
+                .iter()
+                .any(|register| is_split(register, *offset))
+        };
+        let offset = (1..self.count)
+            .filter(may)
+            .min_by_key(|offset| offset.abs_diff(self.count / 2))?;
+        let high = Self {
+            address: self.address.checked_add(offset)?,
+            count: self.count - offset,
+            ..*self
+        };
+        Some((
+            Self {
+                count: offset,
+                ..*self
+            },
+            high,
+        ))
     }
 
     /// The registers between the two groups.
     pub(super) fn between(&self, other: &Self) -> impl Iterator<Item = Address> {
-        let (low, high) = if self.address <= other.address { (self, other) } else { (other, self) };
+        let (low, high) = if self.address <= other.address {
+            (self, other)
+        } else {
+            (other, self)
+        };
         let end = high.address;
-        low.address.saturating_add(low.count).onwards().take_while(move |address| *address < end)
+        low.address
+            .saturating_add(low.count)
+            .onwards()
+            .take_while(move |address| *address < end)
     }
 }
 
@@ -97,12 +134,24 @@ impl PollGroup {
 pub fn groups(model: &Model) -> Vec<PollGroup> {
     let mut groups: Vec<PollGroup> = Vec::new();
     for (group, _) in apart(model, |_, _| true) {
-        let bridged = groups.last().filter(|last| last.class == group.class).and_then(|last| {
-            let (address, count, _) = last.with(&group, model)?;
-            let ends_are_shown = [last, &group].into_iter().all(|group| is_shown(model, group));
-            let may = ends_are_shown && last.between(&group).all(|hole| may_be_read_along(model, hole));
-            may.then_some(PollGroup { address, count, ..group })
-        });
+        let bridged = groups
+            .last()
+            .filter(|last| last.class == group.class)
+            .and_then(|last| {
+                let (address, count, _) = last.with(&group, model)?;
+                let ends_are_shown = [last, &group]
+                    .into_iter()
+                    .all(|group| is_shown(model, group));
+                let may = ends_are_shown
+                    && last
+                        .between(&group)
+                        .all(|hole| may_be_read_along(model, hole));
+                may.then_some(PollGroup {
+                    address,
+                    count,
+                    ..group
+                })
+            });
         match (bridged, groups.last_mut()) {
             (Some(bridged), Some(last)) => *last = bridged,
             _ => groups.push(group),
@@ -112,18 +161,36 @@ pub fn groups(model: &Model) -> Vec<PollGroup> {
 }
 
 /// The groups without holes and whether each is proven; `may_join` decides whether neighbours may share a group.
-pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec<(PollGroup, bool)> {
+pub(super) fn apart(
+    model: &Model,
+    may_join: impl Fn(bool, bool) -> bool,
+) -> Vec<(PollGroup, bool)> {
     let mut groups: Vec<(PollGroup, bool)> = Vec::new();
-    for class in [PollClass::Fast, PollClass::Second, PollClass::Slow, PollClass::Minutely, PollClass::Hourly] {
+    for class in [
+        PollClass::Fast,
+        PollClass::Second,
+        PollClass::Slow,
+        PollClass::Minutely,
+        PollClass::Hourly,
+    ] {
         for (address, words, is_proven) in polled(model, class) {
             match groups.last_mut() {
                 Some((last, _)) if last.class == class && covers(last, address, words) => {}
                 Some((last, proven))
-                    if last.class == class && follows(model, last, address, words) && may_join(*proven, is_proven) =>
+                    if last.class == class
+                        && follows(model, last, address, words)
+                        && may_join(*proven, is_proven) =>
                 {
                     last.count += words;
                 }
-                _ => groups.push((PollGroup { address, count: words, class }, is_proven)),
+                _ => groups.push((
+                    PollGroup {
+                        address,
+                        count: words,
+                        class,
+                    },
+                    is_proven,
+                )),
             }
         }
     }
@@ -134,10 +201,20 @@ pub(super) fn apart(model: &Model, may_join: impl Fn(bool, bool) -> bool) -> Vec
 /// documented. The words that are added to a value are polled with it.
 fn polled(model: &Model, class: PollClass) -> Vec<(Address, u16, bool)> {
     let mut polled = Vec::new();
-    for register in model.registers.iter().filter(|register| register.poll == Some(class)) {
+    for register in model
+        .registers
+        .iter()
+        .filter(|register| register.poll == Some(class))
+    {
         let is_proven = is_documented(register);
         polled.push((register.address, register.form.words(), is_proven));
-        polled.extend(register.form.plus.iter().map(|part| (part.address, 1, is_proven)));
+        polled.extend(
+            register
+                .form
+                .plus
+                .iter()
+                .map(|part| (part.address, 1, is_proven)),
+        );
     }
     polled.sort_by_key(|(address, words, _)| (*address, std::cmp::Reverse(*words)));
     polled
@@ -145,7 +222,9 @@ fn polled(model: &Model, class: PollClass) -> Vec<(Address, u16, bool)> {
 
 /// Whether `words` from `address` on lie within `group`: another register may be a field of the same word.
 fn covers(group: &PollGroup, address: Address, words: u16) -> bool {
-    address.offset_from(group.address).is_some_and(|offset| offset + words <= group.count)
+    address
+        .offset_from(group.address)
+        .is_some_and(|offset| offset + words <= group.count)
 }
 
 /// Whether a read of others may cover `address`: the model lists it, and its own documents show that it can be read. A
@@ -155,7 +234,11 @@ pub(super) fn may_be_read_along(model: &Model, address: Address) -> bool {
 }
 
 fn is_shown(model: &Model, group: &PollGroup) -> bool {
-    group.address.onwards().take(group.count.into()).all(|address| may_be_read_along(model, address))
+    group
+        .address
+        .onwards()
+        .take(group.count.into())
+        .all(|address| may_be_read_along(model, address))
 }
 
 /// Whether documents of the model show it. What only the operator states may be wrong.
@@ -165,5 +248,6 @@ fn is_documented(register: &Register) -> bool {
 
 fn follows(model: &Model, group: &PollGroup, address: Address, words: u16) -> bool {
     let count = group.count.saturating_add(words);
-    group.address.checked_add(group.count) == Some(address) && count <= model.words_in_one_read(group.address)
+    group.address.checked_add(group.count) == Some(address)
+        && count <= model.words_in_one_read(group.address)
 }

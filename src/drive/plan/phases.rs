@@ -20,7 +20,10 @@ pub struct PlaceOnLine {
 
 impl PlaceOnLine {
     /// A drive that is alone on its line.
-    pub const ALONE: Self = Self { index: 0, drives: 1 };
+    pub const ALONE: Self = Self {
+        index: 0,
+        drives: 1,
+    };
 }
 
 /// For each of `groups`, when it first falls due in its phase.
@@ -34,10 +37,14 @@ pub(super) fn spread(
     let mut moments: Vec<MonoTime> = Vec::with_capacity(groups.len());
     // How many of each class there were so far: those with a moment of their own, and those that follow others.
     let mut ranks = [[0_u32; 2]; 5];
-    let leads: Vec<Option<usize>> = (0..groups.len()).map(|at| lead_of(model, groups, at, pace)).collect();
+    let leads: Vec<Option<usize>> = (0..groups.len())
+        .map(|at| lead_of(model, groups, at, pace))
+        .collect();
     for (group, lead) in groups.iter().zip(&leads) {
         let rank = &mut ranks[class_number(group.class)][usize::from(lead.is_some())];
-        let moment = match lead.and_then(|lead| Some((*moments.get(lead)?, groups.get(lead)?.period(pace)))) {
+        let moment = match lead
+            .and_then(|lead| Some((*moments.get(lead)?, groups.get(lead)?.period(pace))))
+        {
             Some((led_by, period)) => {
                 let turns = (group.period(pace).as_nanos() / period.as_nanos().max(1)).max(1);
                 let turn = u128::from(place.index + *rank) % turns;
@@ -60,7 +67,13 @@ fn own_moment(
     place: PlaceOnLine,
     rank: u32,
 ) -> Duration {
-    let of_class = |class| groups.iter().zip(leads).filter(|(it, lead)| it.class == class && lead.is_none()).count();
+    let of_class = |class| {
+        groups
+            .iter()
+            .zip(leads)
+            .filter(|(it, lead)| it.class == class && lead.is_none())
+            .count()
+    };
     let slots = |class| place.drives.max(1) * u32::try_from(of_class(class)).unwrap_or(1).max(1);
     let own = slots(group.class);
     let slot = place.index * (own / place.drives.max(1)) + rank;
@@ -74,13 +87,20 @@ fn own_moment(
 fn lead_of(model: &Model, groups: &[PollGroup], at: usize, pace: Pace) -> Option<usize> {
     let group = groups.get(at)?;
     let leads = |lead: &PollGroup| {
-        let (long, short) = (group.period(pace).as_nanos(), lead.period(pace).as_nanos().max(1));
+        let (long, short) = (
+            group.period(pace).as_nanos(),
+            lead.period(pace).as_nanos().max(1),
+        );
         let is_polled = |address| {
-            groups.iter().any(|it| Address::offset_from(address, it.address).is_some_and(|offset| offset < it.count))
+            groups.iter().any(|it| {
+                Address::offset_from(address, it.address).is_some_and(|offset| offset < it.count)
+            })
         };
         long.is_multiple_of(short)
             && lead.with(group, model).is_some()
-            && lead.between(group).all(|address| is_polled(address) || may_be_read_along(model, address))
+            && lead
+                .between(group)
+                .all(|address| is_polled(address) || may_be_read_along(model, address))
     };
     groups.iter().take(at).position(leads)
 }

@@ -11,7 +11,11 @@ use std::time::Duration;
 ///
 /// # Errors
 /// [`NoSteps::NotCapable`]
-pub(super) fn before_run(model: &Model, direction: Direction, steps: Vec<Step>) -> Result<Vec<Step>, NoSteps> {
+pub(super) fn before_run(
+    model: &Model,
+    direction: Direction,
+    steps: Vec<Step>,
+) -> Result<Vec<Step>, NoSteps> {
     let has_run = |step: &Step| matches!(step, Step::Write(writes) if writes.iter().any(|it| matches!(it.part, StepPart::Run(_))));
     let at = steps.iter().position(has_run).unwrap_or(steps.len());
     let mut before = start(model)?;
@@ -27,22 +31,48 @@ pub(super) fn before_run(model: &Model, direction: Direction, steps: Vec<Step>) 
 /// change of the word that it holds.
 fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let starts = model.start_steps();
-    let Some(last) = starts.last() else { return Ok(Vec::new()) };
+    let Some(last) = starts.last() else {
+        return Ok(Vec::new());
+    };
     let (address, _) = order(model, OrderKind::Forward)?;
     let (_, stop) = order(model, OrderKind::Stop)?;
-    let steps: Vec<Step> = starts.iter().flat_map(|step| written(address, step)).collect();
-    let kept = if last.write.value == stop { written(address, last).len() } else { 0 };
+    let steps: Vec<Step> = starts
+        .iter()
+        .flat_map(|step| written(address, step))
+        .collect();
+    let kept = if last.write.value == stop {
+        written(address, last).len()
+    } else {
+        0
+    };
     let count = steps.len() - kept;
-    let is_ready = met_after(last).filter(|_| count > 0).map(|condition| Step::Skip(Skip { condition, count }));
+    let is_ready = met_after(last)
+        .filter(|_| count > 0)
+        .map(|condition| Step::Skip(Skip { condition, count }));
     let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
     let all = is_ready.into_iter().chain(steps).collect::<Vec<_>>();
-    Ok([Step::Skip(Skip { condition: runs, count: all.len() })].into_iter().chain(all).collect())
+    Ok([Step::Skip(Skip {
+        condition: runs,
+        count: all.len(),
+    })]
+    .into_iter()
+    .chain(all)
+    .collect())
 }
 
 fn written(address: Address, step: &StartStep) -> [Step; 2] {
-    let write = Write { address, value: step.write.value, part: StepPart::Start, shown: Vec::new() };
+    let write = Write {
+        address,
+        value: step.write.value,
+        part: StepPart::Start,
+        shown: Vec::new(),
+    };
     let wait = match met_after(step) {
-        Some(condition) => Step::Await(Await { condition, at_least: step.at_least, reason: Reason::NotReady }),
+        Some(condition) => Step::Await(Await {
+            condition,
+            at_least: step.at_least,
+            reason: Reason::NotReady,
+        }),
         None => Step::Pause(step.at_least),
     };
     [Step::Write(vec![write]), wait]
@@ -51,24 +81,52 @@ fn written(address: Address, step: &StartStep) -> [Step; 2] {
 /// What the drive shows once it has followed `step`; `None` if only time must pass.
 fn met_after(step: &StartStep) -> Option<Condition> {
     let until = step.until.as_ref()?;
-    let StartCondition { address, mask, values, within } = until.clone();
-    Some(Condition { address, mask, values, second: None, instead: None, within })
+    let StartCondition {
+        address,
+        mask,
+        values,
+        within,
+    } = until.clone();
+    Some(Condition {
+        address,
+        mask,
+        values,
+        second: None,
+        instead: None,
+        within,
+    })
 }
 
 /// The direction. If its register can be read, the run word is sent only after it was read to hold the direction: an order
 /// is never given by half.
 fn turn(model: &Model, direction: Direction) -> Result<Vec<Step>, NoSteps> {
-    let words = model.run.as_ref().and_then(|run| run.places.direction.as_ref());
-    let Some(words) = words.map(|fact| &fact.value) else { return Ok(Vec::new()) };
+    let words = model
+        .run
+        .as_ref()
+        .and_then(|run| run.places.direction.as_ref());
+    let Some(words) = words.map(|fact| &fact.value) else {
+        return Ok(Vec::new());
+    };
     let value = match direction {
         Direction::Forward => words.forward,
         Direction::Reverse => words.reverse.ok_or(NoSteps::NotCapable)?,
     };
-    let write = Write { address: words.address, value, part: StepPart::Direction(direction), shown: Vec::new() };
-    let is_readable = model.writable_at(words.address).is_some_and(|register| register.access.can_read());
+    let write = Write {
+        address: words.address,
+        value,
+        part: StepPart::Direction(direction),
+        shown: Vec::new(),
+    };
+    let is_readable = model
+        .writable_at(words.address)
+        .is_some_and(|register| register.access.can_read());
     let read = is_readable.then(|| {
         let condition = Condition::holds(words.address, vec![value], SHOWN_WITHIN);
-        Step::Await(Await { condition, at_least: Duration::ZERO, reason: Reason::KeptOldValue })
+        Step::Await(Await {
+            condition,
+            at_least: Duration::ZERO,
+            reason: Reason::KeptOldValue,
+        })
     });
     Ok([Step::Write(vec![write])].into_iter().chain(read).collect())
 }

@@ -15,14 +15,32 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let is_seen = model.status_flag(Flag::Tripped).is_some();
     let step = |(index, write): (usize, &ResetWrite)| {
         let ends = index == last;
-        let part = StepPart::Reset { resets: write.resets, ends, is_seen };
+        let part = StepPart::Reset {
+            resets: write.resets,
+            ends,
+            is_seen,
+        };
         let shown = if ends { reset_shown(model) } else { Vec::new() };
         let pause = (!write.wait.is_zero()).then_some(Step::Pause(write.wait));
-        let write = Write { address: write.address, value: write.value, part, shown };
+        let write = Write {
+            address: write.address,
+            value: write.value,
+            part,
+            shown,
+        };
         [Step::Write(vec![write])].into_iter().chain(pause)
     };
-    let rest = model.quirks.deaf_after_reset.as_ref().map(|deaf| Step::Rest(deaf.value));
-    Ok(writes.iter().enumerate().flat_map(step).chain(rest).collect())
+    let rest = model
+        .quirks
+        .deaf_after_reset
+        .as_ref()
+        .map(|deaf| Step::Rest(deaf.value));
+    Ok(writes
+        .iter()
+        .enumerate()
+        .flat_map(step)
+        .chain(rest)
+        .collect())
 }
 
 /// The steps that clear the word of an interrupted reset: by a stop, or by the word that clears a register of its own. If
@@ -33,21 +51,41 @@ pub fn of_reset(model: &Model) -> Result<Vec<Step>, NoSteps> {
 pub fn of_take_back(model: &Model) -> Result<Vec<Step>, NoSteps> {
     let clears = model.reset_clears().ok_or(NoSteps::NotCapable)?;
     let (address, reset) = model.order(OrderKind::Reset).ok_or(NoSteps::NotCapable)?;
-    let is_readable = model.writable_at(address).is_some_and(|register| register.access.can_read());
-    let check = Step::Check { address, least: reset.value, most: reset.value, reason: Reason::SetpointUnknown };
+    let is_readable = model
+        .writable_at(address)
+        .is_some_and(|register| register.access.can_read());
+    let check = Step::Check {
+        address,
+        least: reset.value,
+        most: reset.value,
+        reason: Reason::SetpointUnknown,
+    };
     let check = is_readable.then_some(check);
-    let write = Write { address, value: clears.value, part: StepPart::TakesBack, shown: Vec::new() };
-    Ok(check.into_iter().chain([Step::Write(vec![write])]).collect())
+    let write = Write {
+        address,
+        value: clears.value,
+        part: StepPart::TakesBack,
+        shown: Vec::new(),
+    };
+    Ok(check
+        .into_iter()
+        .chain([Step::Write(vec![write])])
+        .collect())
 }
 
 /// After a reset no trip holds and nothing turns, as far as the model shows it.
 fn reset_shown(model: &Model) -> Vec<Condition> {
-    let flags = [Flag::Tripped, Flag::Running].into_iter().filter_map(|flag| Condition::flag(model, flag, false));
+    let flags = [Flag::Tripped, Flag::Running]
+        .into_iter()
+        .filter_map(|flag| Condition::flag(model, flag, false));
     let mut shown: Vec<_> = flags.collect();
     if shown.is_empty() {
         // One word of a pair may be 0 although the motor turns.
-        let output = model.register_for(Role::OutputFrequency).filter(|output| output.form.is_one_word());
-        shown.extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
+        let output = model
+            .register_for(Role::OutputFrequency)
+            .filter(|output| output.form.is_one_word());
+        shown
+            .extend(output.map(|output| Condition::holds(output.address, vec![0], Duration::ZERO)));
     }
     shown
 }

@@ -15,7 +15,9 @@ pub(super) fn setpoint(
     control: &ControlSettings,
     bases: &Bases,
 ) -> Result<Vec<Write>, NoSteps> {
-    let register = model.register_for(Role::FrequencyCommand).ok_or(NoSteps::NotCapable)?;
+    let register = model
+        .register_for(Role::FrequencyCommand)
+        .ok_or(NoSteps::NotCapable)?;
     let write = |address, value, shown: &Option<Condition>| Write {
         address,
         value,
@@ -25,11 +27,18 @@ pub(super) fn setpoint(
     if register.form.pair.is_some() {
         let [first, second] = register.pair_of(frequency).ok_or(NoSteps::BetweenSteps)?;
         let next = register.address.checked_add(1).ok_or(NoSteps::NotCapable)?;
-        let shown = model.setting_register().and_then(|setting| shows(setting, frequency));
-        return Ok(vec![write(register.address, first, &shown), write(next, second, &shown)]);
+        let shown = model
+            .setting_register()
+            .and_then(|setting| shows(setting, frequency));
+        return Ok(vec![
+            write(register.address, first, &shown),
+            write(next, second, &shown),
+        ]);
     }
     let known = |address| bases.word(address);
-    let value = register.word_of(frequency, (control.least, control.most), known).ok_or(NoSteps::BetweenSteps)?;
+    let value = register
+        .word_of(frequency, (control.least, control.most), known)
+        .ok_or(NoSteps::BetweenSteps)?;
     let signed = |word: u16| match toward {
         Direction::Reverse if model.turns_by_sign() => word.wrapping_neg(),
         Direction::Forward | Direction::Reverse => word,
@@ -39,18 +48,31 @@ pub(super) fn setpoint(
             return shows(setting, frequency);
         }
         let words = setpoint_words(register, setting, frequency, value, bases)?;
-        Some(Condition::holds(setting.address, words.into_iter().map(signed).collect(), SHOWN_WITHIN))
+        Some(Condition::holds(
+            setting.address,
+            words.into_iter().map(signed).collect(),
+            SHOWN_WITHIN,
+        ))
     });
-    Ok(vec![write(model.cyclic_address(register), signed(value), &shown)])
+    Ok(vec![write(
+        model.cyclic_address(register),
+        signed(value),
+        &shown,
+    )])
 }
 
 /// That `setting` shows `frequency`; `None` if it does not hold it exactly.
 fn shows(setting: &Register, frequency: Hertz) -> Option<Condition> {
     if let Some([first, second]) = setting.pair_of(frequency) {
         let condition = Condition::holds(setting.address, vec![first], SHOWN_WITHIN);
-        return Some(Condition { second: Some(second), ..condition });
+        return Some(Condition {
+            second: Some(second),
+            ..condition
+        });
     }
-    let word = frequency.to_word(setting.scale).filter(|_| setting.form.pair.is_none() && setting.is_exact())?;
+    let word = frequency
+        .to_word(setting.scale)
+        .filter(|_| setting.form.pair.is_none() && setting.is_exact())?;
     Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
 }
 
@@ -73,10 +95,17 @@ fn setpoint_words(
 }
 
 /// The setpoint that is sent with RUN; `None` if the drive's own is checked instead.
-pub(super) fn setpoint_of_run(model: &Model, go: &Go, last: Option<Hertz>) -> Result<Option<Hertz>, NoSteps> {
+pub(super) fn setpoint_of_run(
+    model: &Model,
+    go: &Go,
+    last: Option<Hertz>,
+) -> Result<Option<Hertz>, NoSteps> {
     // A range of words can be checked, a range of pairs is not; a sign that orders the direction is given anew.
-    let is_checked = model.setting_register().is_some_and(|setting| setting.form.pair.is_none());
-    let must_be_given = model.quirks.setpoint_before_run.is_some() || !is_checked || model.turns_by_sign();
+    let is_checked = model
+        .setting_register()
+        .is_some_and(|setting| setting.form.pair.is_none());
+    let must_be_given =
+        model.quirks.setpoint_before_run.is_some() || !is_checked || model.turns_by_sign();
     match go.frequency() {
         Some(frequency) => Ok(Some(frequency)),
         None if must_be_given => last.map(Some).ok_or(NoSteps::SetpointUnknown),
@@ -91,10 +120,16 @@ pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) 
     };
     let low = setpoint.address.min(run.address);
     let high = setpoint.address.max(run.address);
-    let block = model.write.block.as_ref().filter(|block| block.count.confidence.is_proven());
+    let block = model
+        .write
+        .block
+        .as_ref()
+        .filter(|block| block.count.confidence.is_proven());
     let in_one_frame = block.is_some_and(|block| {
         let end = block.address.saturating_add(block.count.value);
-        low.checked_add(1) == Some(high) && (block.address..end).contains(&low) && (block.address..end).contains(&high)
+        low.checked_add(1) == Some(high)
+            && (block.address..end).contains(&low)
+            && (block.address..end).contains(&high)
     });
     match (in_one_frame, setpoint.address == low) {
         (true, true) => vec![Step::Write(vec![setpoint, run])],
@@ -104,9 +139,18 @@ pub(super) fn setpoint_and_run(model: &Model, setpoint: Vec<Write>, run: Write) 
 }
 
 /// The drive's own setting must lie within the limits: least rounded up, most rounded down to its steps.
-pub(super) fn check_setting(model: &Model, control: &ControlSettings, bases: &Bases) -> Result<Step, NoSteps> {
+pub(super) fn check_setting(
+    model: &Model,
+    control: &ControlSettings,
+    bases: &Bases,
+) -> Result<Step, NoSteps> {
     let setting = model.setting_register().ok_or(NoSteps::NotCapable)?;
     let words = setting.words_within((control.least, control.most), |address| bases.word(address));
     let (least, most) = words.ok_or(NoSteps::BetweenSteps)?;
-    Ok(Step::Check { address: setting.address, least, most, reason: Reason::SetpointUnknown })
+    Ok(Step::Check {
+        address: setting.address,
+        least,
+        most,
+        reason: Reason::SetpointUnknown,
+    })
 }

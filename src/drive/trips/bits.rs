@@ -5,7 +5,10 @@ use super::TripWatch;
 impl TripWatch {
     /// Bits that this reading and the one before show cleared are no longer known, while others are still set.
     pub(super) fn forget_cleared(&mut self, bits: u32) {
-        let Some(shown) = self.shown.filter(|_| self.places.as_ref().is_some_and(|places| places.is_bits)) else {
+        let Some(shown) = self
+            .shown
+            .filter(|_| self.places.as_ref().is_some_and(|places| places.is_bits))
+        else {
             return;
         };
         let cleared = shown & !bits;
@@ -17,6 +20,9 @@ impl TripWatch {
     }
     /// Whether the number or bits `code` are of another trip than `last`, if that is known.
     pub(super) fn is_another(&self, code: u32, last: Option<u32>) -> bool {
-        self.places.as_ref().zip(last).is_some_and(|(places, last)| places.is_another(code, last))
+        self.places
+            .as_ref()
+            .zip(last)
+            .is_some_and(|(places, last)| places.is_another(code, last))
     }
 }

@@ -19,7 +19,9 @@ impl TripWatch {
         }
         let is_usual = self.told_is_sure && !self.fall.has_fallen() && self.doubted.is_none();
         let most = if is_usual { TRIPS_AT_ONCE } else { 1 };
-        let Some(told) = self.fall.base(count.into(), known.into(), now) else { return };
+        let Some(told) = self.fall.base(count.into(), known.into(), now) else {
+            return;
+        };
         let told = u16::try_from(told).unwrap_or(known);
         if told < known {
             // The rise up to the fall is reported with its own count.
@@ -53,11 +55,18 @@ impl TripWatch {
             return;
         }
         // A listener reads no record: the trip before keeps its own time and count.
-        if self.reading.as_ref().is_some_and(|it| it.is_news && it.is_sure && it.count.is_some_and(|was| was < count)) {
+        if self
+            .reading
+            .as_ref()
+            .is_some_and(|it| it.is_news && it.is_sure && it.count.is_some_and(|was| was < count))
+        {
             events.extend(self.end_reading(false));
         }
         let parts = self.places.as_ref().map_or(0, |places| places.record.len());
-        let mut reading = self.reading.take().unwrap_or_else(|| self.new_reading(true, now));
+        let mut reading = self
+            .reading
+            .take()
+            .unwrap_or_else(|| self.new_reading(true, now));
         self.view.count = Some(count);
         self.view.active = Some(true);
         self.reset_acknowledged = false;
@@ -67,7 +76,14 @@ impl TripWatch {
         let is_worn_out = reading.tries >= READS_MAX;
         if reading.count != Some(count) && !is_worn_out {
             let tries = reading.tries + u8::from(is_whole && reading.count.is_some());
-            reading = Reading { count: Some(count), tries, is_news: true, parts: 0, words: Vec::new(), ..reading };
+            reading = Reading {
+                count: Some(count),
+                tries,
+                is_news: true,
+                parts: 0,
+                words: Vec::new(),
+                ..reading
+            };
             reading.code = None;
         }
         self.reading = Some(reading);
@@ -79,8 +95,14 @@ impl TripWatch {
     /// Whether `count`, which is not below `told`, has to be read again before it is believed.
     fn is_doubted(&mut self, count: u16, told: u16, most: u16, now: MonoTime) -> bool {
         let is_usual = count.saturating_sub(told) <= most;
-        let is_known = self.reading.as_ref().is_some_and(|reading| reading.count == Some(count));
-        let since = self.doubted.filter(|(doubted, _)| *doubted == count).map(|(_, since)| since);
+        let is_known = self
+            .reading
+            .as_ref()
+            .is_some_and(|reading| reading.count == Some(count));
+        let since = self
+            .doubted
+            .filter(|(doubted, _)| *doubted == count)
+            .map(|(_, since)| since);
         if is_usual || is_known || since.is_some_and(|since| now.since(since) >= READ_AGAIN_AFTER) {
             self.doubted = None;
             return false;

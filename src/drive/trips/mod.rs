@@ -97,7 +97,10 @@ impl TripWatch {
     /// The watch of a drive of `model`. It does nothing on a model that shows no trips.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        Self { places: Places::of(model), ..Self::default() }
+        Self {
+            places: Places::of(model),
+            ..Self::default()
+        }
     }
 
     /// The same, with `baseline` as what has been reported so far.
@@ -106,13 +109,24 @@ impl TripWatch {
         let TripBaseline { count, held, code } = baseline;
         let counts = self.is_counted();
         let told = count.filter(|_| counts);
-        Self { told, told_is_sure: told.is_some(), held: held.filter(|_| !counts), code, is_remembered: true, ..self }
+        Self {
+            told,
+            told_is_sure: told.is_some(),
+            held: held.filter(|_| !counts),
+            code,
+            is_remembered: true,
+            ..self
+        }
     }
 
     /// Up to where everything has been reported.
     #[must_use]
     pub const fn baseline(&self) -> TripBaseline {
-        TripBaseline { count: self.told, held: self.held, code: self.code }
+        TripBaseline {
+            count: self.told,
+            held: self.held,
+            code: self.code,
+        }
     }
 
     /// The current view.
@@ -140,7 +154,9 @@ impl TripWatch {
     /// Takes the words that a read from `address` has brought at `now`, polls included. They may tell of a trip and of
     /// its end.
     pub fn take(&mut self, address: Address, words: &[u16], now: MonoTime) -> Vec<TripEvent> {
-        let Some(places) = &self.places else { return Vec::new() };
+        let Some(places) = &self.places else {
+            return Vec::new();
+        };
         let word = |register: Address| register.word_in(address, words);
         let seen = places.source.seen(word);
         let cause = places.cause.and_then(|cause| cause.code(word));
@@ -165,14 +181,20 @@ impl TripWatch {
     pub fn take_unsure(&mut self, address: Address, words: &[u16]) -> Option<TripEvent> {
         let places = self.places.as_ref()?;
         let word = |register: Address| register.word_in(address, words);
-        if let (Some(TripReading::Held(held)), Some(active)) = (places.source.seen(word), self.view.active) {
+        if let (Some(TripReading::Held(held)), Some(active)) =
+            (places.source.seen(word), self.view.active)
+        {
             self.is_contradicted = held != active;
         }
         let was_seen = self
             .reading
             .as_ref()
             .is_some_and(|reading| reading.is_news && (reading.count.is_none() || reading.is_sure));
-        if was_seen { self.end_reading(false) } else { None }
+        if was_seen {
+            self.end_reading(false)
+        } else {
+            None
+        }
     }
 
     /// Whether a reading that may be another drive's contradicts what is known.
@@ -184,7 +206,11 @@ impl TripWatch {
     /// The output is active. A drive that only counts its trips is then not tripped.
     pub fn output_is_active(&mut self, now: MonoTime) -> Option<TripEvent> {
         // While a record is being read, a trip has just been counted: an older output proves nothing.
-        if self.is_counted() && self.reading.is_none() { self.clear(now) } else { None }
+        if self.is_counted() && self.reading.is_none() {
+            self.clear(now)
+        } else {
+            None
+        }
     }
 
     /// The drive acknowledged a reset.
@@ -217,7 +243,11 @@ impl TripWatch {
     pub fn read_failed(&mut self) -> Option<TripEvent> {
         let reading = self.reading.as_mut()?;
         reading.tries += 1;
-        if reading.tries < READS_MAX { None } else { self.end_reading(false) }
+        if reading.tries < READS_MAX {
+            None
+        } else {
+            self.end_reading(false)
+        }
     }
 
     /// Takes one part of the record, if it is the one that is awaited.
@@ -227,17 +257,27 @@ impl TripWatch {
         if first != address || usize::from(count) != words.len() {
             return None;
         }
-        reading.words.extend(address.onwards().zip(words.iter().copied()));
+        reading
+            .words
+            .extend(address.onwards().zip(words.iter().copied()));
         reading.parts += 1;
         let is_whole = reading.parts == places.record.len();
-        if is_whole && reading.count.is_none() { self.end_reading(true) } else { None }
+        if is_whole && reading.count.is_none() {
+            self.end_reading(true)
+        } else {
+            None
+        }
     }
 
     /// A trip is active.
     fn take_held(&mut self, now: MonoTime) -> Option<TripEvent> {
         let is_new = self.view.active.replace(true) != Some(true);
         let was_told = self.held.unwrap_or(!self.is_remembered);
-        if is_new { self.begin(!was_told, now) } else { None }
+        if is_new {
+            self.begin(!was_told, now)
+        } else {
+            None
+        }
     }
 
     /// No trip is active. One that ended before its record was read is reported anyway.
@@ -256,12 +296,20 @@ impl TripWatch {
             return None;
         }
         self.forget_cleared(code);
-        let waits =
-            |it: &Reading| it.is_news && now.since(it.seen_at) >= UNREAD_AFTER && self.is_another(code, it.code);
-        let told = if self.reading.as_ref().is_some_and(waits) { self.end_reading(false) } else { None };
+        let waits = |it: &Reading| {
+            it.is_news && now.since(it.seen_at) >= UNREAD_AFTER && self.is_another(code, it.code)
+        };
+        let told = if self.reading.as_ref().is_some_and(waits) {
+            self.end_reading(false)
+        } else {
+            None
+        };
         let last = self.shown;
         if self.reading.is_none() && self.is_another(code, last) {
-            self.reading = Some(Reading { instead_of: last, ..self.new_reading(true, now) });
+            self.reading = Some(Reading {
+                instead_of: last,
+                ..self.new_reading(true, now)
+            });
         }
         if let Some(reading) = &mut self.reading {
             reading.code = Some(code);
@@ -272,13 +320,26 @@ impl TripWatch {
     /// Begins to read the record of an active trip, or reports it at once if the model has no record.
     fn begin(&mut self, is_news: bool, now: MonoTime) -> Option<TripEvent> {
         self.reading = Some(self.new_reading(is_news, now));
-        let has_record = self.places.as_ref().is_some_and(|places| !places.record.is_empty());
-        if has_record { None } else { self.end_reading(true) }
+        let has_record = self
+            .places
+            .as_ref()
+            .is_some_and(|places| !places.record.is_empty());
+        if has_record {
+            None
+        } else {
+            self.end_reading(true)
+        }
     }
 
     fn new_reading(&self, is_news: bool, now: MonoTime) -> Reading {
         let was_active = self.view.active;
-        Reading { is_news, seen_at: now, while_away: !self.is_in_sight, was_active, ..Reading::default() }
+        Reading {
+            is_news,
+            seen_at: now,
+            while_away: !self.is_in_sight,
+            was_active,
+            ..Reading::default()
+        }
     }
 
     /// Ends the reading: its record is shown and, if new, reported. `is_sure`: the record is the trip's own.
@@ -286,10 +347,22 @@ impl TripWatch {
         let places = self.places.as_ref()?;
         let reading = self.reading.take()?;
         // A record that may belong to another trip is discarded.
-        let words = if is_sure || reading.count.is_none() { reading.words } else { Vec::new() };
-        let word = |register| words.iter().find(|(address, _)| *address == register).map(|(_, word)| *word);
+        let words = if is_sure || reading.count.is_none() {
+            reading.words
+        } else {
+            Vec::new()
+        };
+        let word = |register| {
+            words
+                .iter()
+                .find(|(address, _)| *address == register)
+                .map(|(_, word)| *word)
+        };
         let cause = places.cause.and_then(|cause| cause.code(word));
-        if cause.zip(reading.instead_of).is_some_and(|(cause, before)| !places.is_another(cause, before)) {
+        if cause
+            .zip(reading.instead_of)
+            .is_some_and(|(cause, before)| !places.is_another(cause, before))
+        {
             // The record shows the trip that was active: the other number, or bit, was misread.
             return None;
         }
@@ -297,11 +370,18 @@ impl TripWatch {
         let is_other = code.is_some_and(|code| self.is_another(code, self.code));
         let is_news = reading.is_news || (is_other && self.held == Some(true));
         let number = code.and_then(|code| places.code(code));
-        let record = TripRecord { at: reading.seen_at, code: number, words };
+        let record = TripRecord {
+            at: reading.seen_at,
+            code: number,
+            words,
+        };
         self.shown = code;
         self.fading = 0;
         let trips = match (reading.count, self.told) {
-            (Some(_), Some(told)) => self.view.count.map_or(1, |count| count.saturating_sub(told).max(1)),
+            (Some(_), Some(told)) => self
+                .view
+                .count
+                .map_or(1, |count| count.saturating_sub(told).max(1)),
             _ => 1,
         };
         if self.is_counted() {
@@ -317,17 +397,29 @@ impl TripWatch {
         }
         self.view.seen += u32::from(trips);
         let kind = TripEventKind::Tripped { trips, record };
-        Some(TripEvent { kind, count: self.view.count, at: reading.seen_at, while_away: reading.while_away })
+        Some(TripEvent {
+            kind,
+            count: self.view.count,
+            at: reading.seen_at,
+            while_away: reading.while_away,
+        })
     }
 
     fn is_counted(&self) -> bool {
-        self.places.as_ref().is_some_and(|places| matches!(places.source, Source::Count(_)))
+        self.places
+            .as_ref()
+            .is_some_and(|places| matches!(places.source, Source::Count(_)))
     }
 
     fn clear(&mut self, now: MonoTime) -> Option<TripEvent> {
         self.reset_acknowledged = false;
         let was_active = self.view.active.replace(false) == Some(true);
         let while_away = !self.is_in_sight;
-        was_active.then_some(TripEvent { kind: TripEventKind::Cleared, count: self.view.count, at: now, while_away })
+        was_active.then_some(TripEvent {
+            kind: TripEventKind::Cleared,
+            count: self.view.count,
+            at: now,
+            while_away,
+        })
     }
 }

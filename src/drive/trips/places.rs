@@ -25,7 +25,11 @@ pub(super) struct Field {
 
 impl Field {
     const fn of(register: &Register) -> Self {
-        Self { address: register.address, mask: register.form.mask, pair: register.form.pair }
+        Self {
+            address: register.address,
+            mask: register.form.mask,
+            pair: register.form.pair,
+        }
     }
 
     /// The number, or the bits, of which `word` knows the words.
@@ -76,35 +80,73 @@ impl Places {
         let address = |role| model.register_for(role).map(|register| register.address);
         let flag = model.status_flag(Flag::Tripped).cloned().map(Source::Flag);
         let field = |role| model.register_for(role).map(Field::of);
-        let code = || field(Role::TripCode).or_else(|| field(Role::TripBits)).map(Source::Code);
-        let source = flag.or_else(code).or_else(|| address(Role::TripCount).map(Source::Count))?;
+        let code = || {
+            field(Role::TripCode)
+                .or_else(|| field(Role::TripBits))
+                .map(Source::Code)
+        };
+        let source = flag
+            .or_else(code)
+            .or_else(|| address(Role::TripCount).map(Source::Count))?;
         let bits = field(Role::TripBits);
-        let cause = field(Role::TripCode).or(bits).or_else(|| field(Role::TripCause));
-        Some(Self { source, record: record(model), cause, is_bits: cause.is_some() && cause == bits })
+        let cause = field(Role::TripCode)
+            .or(bits)
+            .or_else(|| field(Role::TripCause));
+        Some(Self {
+            source,
+            record: record(model),
+            cause,
+            is_bits: cause.is_some() && cause == bits,
+        })
     }
 
     /// The number of the trip that `cause` shows: of bits, the number of the lowest + 1. `None` if it shows none.
     pub fn code(&self, cause: u32) -> Option<u16> {
-        if self.is_bits { codes_of_bits(cause).next() } else { u16::try_from(cause).ok().filter(|code| *code != 0) }
+        if self.is_bits {
+            codes_of_bits(cause).next()
+        } else {
+            u16::try_from(cause).ok().filter(|code| *code != 0)
+        }
     }
 
     /// Whether `cause` shows a trip that `known` does not.
     pub const fn is_another(&self, cause: u32, known: u32) -> bool {
-        if self.is_bits { cause & !known != 0 } else { cause != known }
+        if self.is_bits {
+            cause & !known != 0
+        } else {
+            cause != known
+        }
     }
 }
 
 /// The registers of the newest record in as few reads as the model allows.
 fn record(model: &Model) -> Vec<(Address, u16)> {
     let causes = [Role::TripCode, Role::TripBits];
-    let code = causes.into_iter().find(|role| model.register_for(*role).is_some()).unwrap_or(Role::TripCause);
-    let roles = [code, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
+    let code = causes
+        .into_iter()
+        .find(|role| model.register_for(*role).is_some())
+        .unwrap_or(Role::TripCause);
+    let roles = [
+        code,
+        Role::TripFrequency,
+        Role::TripCurrent,
+        Role::TripDcLinkVoltage,
+    ];
     let is_part = |register: &&Register| register.role.is_some_and(|role| roles.contains(&role));
     let mut reads: Vec<(Address, u16)> = Vec::new();
-    for register in model.registers.iter().filter(is_part).filter(|register| register.access.can_read()) {
+    for register in model
+        .registers
+        .iter()
+        .filter(is_part)
+        .filter(|register| register.access.can_read())
+    {
         match reads.last_mut() {
             // Another field of the same word.
-            Some((first, count)) if register.address.offset_from(*first).is_some_and(|offset| offset < *count) => {}
+            Some((first, count))
+                if register
+                    .address
+                    .offset_from(*first)
+                    .is_some_and(|offset| offset < *count) => {}
             Some((first, count))
                 if first.checked_add(*count) == Some(register.address)
                     && *count + register.form.words() <= model.words_in_one_read(*first) =>

@@ -73,7 +73,13 @@ impl UsageMeter {
             seen_at: None,
             ran: None,
             totals: UsageTotals::default(),
-            kept: (KeptUsage { energy_from: EnergySource::of(model), ..KeptUsage::default() }, MonoTime::ZERO),
+            kept: (
+                KeptUsage {
+                    energy_from: EnergySource::of(model),
+                    ..KeptUsage::default()
+                },
+                MonoTime::ZERO,
+            ),
         }
     }
 
@@ -85,7 +91,10 @@ impl UsageMeter {
             counter.between_mj = kept.between_mj;
         }
         // The model may be another one now.
-        self.kept.0 = KeptUsage { energy_from: self.kept.0.energy_from, ..kept };
+        self.kept.0 = KeptUsage {
+            energy_from: self.kept.0.energy_from,
+            ..kept
+        };
     }
 
     /// The sums.
@@ -97,7 +106,10 @@ impl UsageMeter {
     /// The run state was read at `at`: the motor runs or is ordered to; `None` if that is not known.
     pub fn take_running(&mut self, runs: Option<bool>, at: MonoTime) {
         let Some(runs) = runs else { return };
-        let since = self.seen_at.map(|seen_at| at.since(seen_at)).filter(|since| *since <= self.running_gap);
+        let since = self
+            .seen_at
+            .map(|seen_at| at.since(seen_at))
+            .filter(|since| *since <= self.running_gap);
         if let (Some(true), Some(since)) = (self.ran, since) {
             self.totals.running = self.totals.running.saturating_add(since);
         }
@@ -111,7 +123,10 @@ impl UsageMeter {
     /// Registers of the drive were read: power and energy are in `snapshot` as far as they are known.
     pub fn take_readings(&mut self, snapshot: &DriveSnapshot) {
         let by_power = self.power.as_mut().map_or(0, |power| power.take(snapshot));
-        let used = self.counter.as_mut().map_or(by_power, |counter| counter.take(snapshot, by_power));
+        let used = self
+            .counter
+            .as_mut()
+            .map_or(by_power, |counter| counter.take(snapshot, by_power));
         self.totals.energy_mj = self.totals.energy_mj.saturating_add(used);
     }
 
@@ -136,8 +151,16 @@ impl UsageMeter {
     /// What is to be kept at `now`, if it has changed and the last time is at least `after` ago.
     pub fn take_unkept(&mut self, now: MonoTime, after: Duration) -> Option<KeptUsage> {
         let counter_mj = self.counter.as_ref().and_then(|counter| counter.last_mj);
-        let between_mj = self.counter.as_ref().map_or(0, |counter| counter.between_mj);
-        let usage = KeptUsage { totals: self.totals, counter_mj, between_mj, ..self.kept.0 };
+        let between_mj = self
+            .counter
+            .as_ref()
+            .map_or(0, |counter| counter.between_mj);
+        let usage = KeptUsage {
+            totals: self.totals,
+            counter_mj,
+            between_mj,
+            ..self.kept.0
+        };
         let is_due = usage != self.kept.0 && now.since(self.kept.1) >= after;
         is_due.then(|| {
             self.kept = (usage, now);
@@ -149,13 +172,16 @@ impl UsageMeter {
 impl Power {
     /// The energy in millijoules between the last two readings.
     fn take(&mut self, snapshot: &DriveSnapshot) -> u64 {
-        let Some(reading) = snapshot.value(&self.register) else { return 0 };
+        let Some(reading) = snapshot.value(&self.register) else {
+            return 0;
+        };
         if self.last.is_some_and(|(_, at)| at == reading.at) {
             return 0;
         }
         let (raw, scale) = reading.value.fraction();
         // Energy that is fed back is none that was used.
-        let milliwatts = u64::try_from(raw.max(0).saturating_mul(1_000_000) / scale.max(1)).unwrap_or(0);
+        let milliwatts =
+            u64::try_from(raw.max(0).saturating_mul(1_000_000) / scale.max(1)).unwrap_or(0);
         let before = self.last.replace((milliwatts, reading.at));
         let Some((before, at)) = before else { return 0 };
         let span = reading.at.since(at);
@@ -170,7 +196,14 @@ impl Power {
 impl Counter {
     fn new(register: &Register) -> Self {
         let register = register.clone();
-        Self { register, last_mj: None, read_at: None, step_mj: 0, between_mj: 0, fall: FallWatch::default() }
+        Self {
+            register,
+            last_mj: None,
+            read_at: None,
+            step_mj: 0,
+            between_mj: 0,
+            fall: FallWatch::default(),
+        }
     }
 
     /// The energy in millijoules that is to be added. Until the counter makes its next step, that is what the readings of
@@ -183,7 +216,10 @@ impl Counter {
                 0
             }
             None => {
-                let room = self.step_mj.saturating_sub(1).saturating_sub(self.between_mj);
+                let room = self
+                    .step_mj
+                    .saturating_sub(1)
+                    .saturating_sub(self.between_mj);
                 let more = by_power.min(room);
                 self.between_mj += more;
                 more
@@ -193,9 +229,15 @@ impl Counter {
 
     /// What a new reading tells; `None` without one, or if the counter stands where it was.
     fn rise(&mut self, snapshot: &DriveSnapshot) -> Option<Rise> {
-        let reading = snapshot.value(&self.register).filter(|reading| self.read_at != Some(reading.at))?;
+        let reading = snapshot
+            .value(&self.register)
+            .filter(|reading| self.read_at != Some(reading.at))?;
         let (raw, scale) = reading.value.fraction();
-        let unit = if self.register.unit == UnitOfMeasure::MegawattHour { 1000 * MJ_PER_KWH } else { MJ_PER_KWH };
+        let unit = if self.register.unit == UnitOfMeasure::MegawattHour {
+            1000 * MJ_PER_KWH
+        } else {
+            MJ_PER_KWH
+        };
         self.step_mj = unit.unsigned_abs() / scale.unsigned_abs().max(1);
         let now_mj = raw.max(0).unsigned_abs().saturating_mul(self.step_mj);
         let read_before = self.read_at.replace(reading.at);
@@ -204,12 +246,19 @@ impl Counter {
             return None;
         };
         // A counter that reads lower may be a wrong reading: nothing is counted until that is clear.
-        let Some(before_mj) = self.fall.base(now_mj, known_mj, reading.at) else { return Some(Rise::NotBelieved) };
+        let Some(before_mj) = self.fall.base(now_mj, known_mj, reading.at) else {
+            return Some(Rise::NotBelieved);
+        };
         self.last_mj = Some(now_mj);
-        let Some(rise) = now_mj.checked_sub(before_mj) else { return Some(Rise::NotBelieved) };
-        let span_ms = read_before
-            .map_or(u64::MAX, |before| u64::try_from(reading.at.since(before).as_millis()).unwrap_or(u64::MAX));
-        let most = span_ms.saturating_mul(MJ_PER_MS_MAX).saturating_add(self.step_mj);
+        let Some(rise) = now_mj.checked_sub(before_mj) else {
+            return Some(Rise::NotBelieved);
+        };
+        let span_ms = read_before.map_or(u64::MAX, |before| {
+            u64::try_from(reading.at.since(before).as_millis()).unwrap_or(u64::MAX)
+        });
+        let most = span_ms
+            .saturating_mul(MJ_PER_MS_MAX)
+            .saturating_add(self.step_mj);
         match rise {
             0 => None,
             rise if rise <= most => Some(Rise::Used(rise)),

@@ -21,11 +21,20 @@ fn pace() -> Pace {
 /// A model with a register of this role at 0x3000, polled slowly: every 4 s.
 fn with(role: Role, unit: UnitOfMeasure, scale: u32) -> Model {
     let mut model = model();
-    model.registers.retain(|it| !matches!(it.role, Some(Role::OutputPower | Role::Energy)));
+    model
+        .registers
+        .retain(|it| !matches!(it.role, Some(Role::OutputPower | Role::Energy)));
     let other = model.register_for(Role::OutputFrequency).cloned().unwrap();
     let address = Address::from(0x3000_u16);
     let poll = Some(PollClass::Slow);
-    model.registers.push(Register { address, role: Some(role), unit, scale, poll, ..other });
+    model.registers.push(Register {
+        address,
+        role: Some(role),
+        unit,
+        scale,
+        poll,
+        ..other
+    });
     model.registers.sort_by_key(|register| register.address);
     model
 }
@@ -65,10 +74,18 @@ fn power_is_summed_up_between_readings_that_follow_each_other() {
 #[test]
 fn energy_that_is_fed_back_is_not_subtracted() {
     let mut power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
-    power.registers.iter_mut().filter(|it| it.role == Some(Role::OutputPower)).for_each(|it| it.signed = true);
+    power
+        .registers
+        .iter_mut()
+        .filter(|it| it.role == Some(Role::OutputPower))
+        .for_each(|it| it.signed = true);
     let fed_back = (-20_i16).cast_unsigned();
     assert_eq!(
-        energy_after(&power, KeptUsage::default(), &[(0, 10), (4, 10), (8, fed_back), (12, fed_back)]),
+        energy_after(
+            &power,
+            KeptUsage::default(),
+            &[(0, 10), (4, 10), (8, fed_back), (12, fed_back)]
+        ),
         6_000_000
     );
 }
@@ -84,29 +101,76 @@ fn nothing_is_measured_over_a_time_in_which_the_drive_was_offline() {
         meter.take_running(Some(true), seconds(second));
         meter.out_of_sight();
     }
-    assert_eq!((meter.totals().energy_mj, meter.totals().running), (0, Duration::ZERO));
+    assert_eq!(
+        (meter.totals().energy_mj, meter.totals().running),
+        (0, Duration::ZERO)
+    );
 }
 
 #[test]
 fn the_drives_own_counter_is_believed_as_far_as_a_drive_can_use() {
     let counter = with(Role::Energy, UnitOfMeasure::KilowattHour, 10);
     const TENTH: u64 = 360_000_000;
-    let totals = UsageTotals { energy_mj: 7, ..UsageTotals::default() };
-    let kept = |counter_mj| KeptUsage { totals, counter_mj, ..KeptUsage::default() };
+    let totals = UsageTotals {
+        energy_mj: 7,
+        ..UsageTotals::default()
+    };
+    let kept = |counter_mj| KeptUsage {
+        totals,
+        counter_mj,
+        ..KeptUsage::default()
+    };
     for (before, readings, tenths, why) in [
-        (None, &[(0, 500)][..], 0, "what it counted before it was connected"),
+        (
+            None,
+            &[(0, 500)][..],
+            0,
+            "what it counted before it was connected",
+        ),
         (None, &[(0, 500), (60, 501), (120, 503)], 3, "rises"),
-        (None, &[(0, 500), (60, 501), (120, 4), (180, 6)], 3, "a reset, or another drive"),
-        (None, &[(0, 500), (60, 60_500), (120, 60_501)], 1, "another drive with a higher counter"),
-        (None, &[(0, 9_999), (60, 9), (119, 10_009), (180, 10_010)], 11, "read while it carried: it was never lower"),
+        (
+            None,
+            &[(0, 500), (60, 501), (120, 4), (180, 6)],
+            3,
+            "a reset, or another drive",
+        ),
+        (
+            None,
+            &[(0, 500), (60, 60_500), (120, 60_501)],
+            1,
+            "another drive with a higher counter",
+        ),
+        (
+            None,
+            &[(0, 9_999), (60, 9), (119, 10_009), (180, 10_010)],
+            11,
+            "read while it carried: it was never lower",
+        ),
         (None, &[(0, 65_535), (60, 0), (120, 2)], 2, "it wrapped"),
-        (Some(499 * TENTH), &[(0, 500), (60, 501)], 2, "what was used while the gateway was away"),
-        (Some(501 * TENTH), &[(0, 500), (30, 500), (60, 501)], 1, "replaced while the gateway was away"),
+        (
+            Some(499 * TENTH),
+            &[(0, 500), (60, 501)],
+            2,
+            "what was used while the gateway was away",
+        ),
+        (
+            Some(501 * TENTH),
+            &[(0, 500), (30, 500), (60, 501)],
+            1,
+            "replaced while the gateway was away",
+        ),
     ] {
-        assert_eq!(energy_after(&counter, kept(before), readings), tenths * TENTH, "{why}");
+        assert_eq!(
+            energy_after(&counter, kept(before), readings),
+            tenths * TENTH,
+            "{why}"
+        );
     }
     let megawatt_hours = with(Role::Energy, UnitOfMeasure::MegawattHour, 1000);
-    assert_eq!(energy_after(&megawatt_hours, KeptUsage::default(), &[(0, 1), (60, 2)]), 10 * TENTH);
+    assert_eq!(
+        energy_after(&megawatt_hours, KeptUsage::default(), &[(0, 1), (60, 2)]),
+        10 * TENTH
+    );
 }
 
 #[test]
@@ -128,42 +192,121 @@ fn between_two_steps_of_a_counter_the_output_power_tells_what_is_used() {
         let before = meter.totals().energy_mj;
         for _ in 0..for_s / 4 {
             now += 4;
-            snapshot.take(Address::from(0x3000_u16), &[counted, kilowatts], seconds(now));
+            snapshot.take(
+                Address::from(0x3000_u16),
+                &[counted, kilowatts],
+                seconds(now),
+            );
             meter.take_readings(&snapshot);
             assert!(meter.totals().energy_mj >= before, "it never falls");
         }
         (meter.totals().energy_mj - before) / 3_600_000
     };
     assert_eq!(run(&mut meter, 4, 36, 500), 0, "the first reading");
-    assert_eq!(run(&mut meter, 60, 36, 500), 600, "36 kW for a minute: 600 Wh");
-    assert_eq!(run(&mut meter, 4, 36, 501), 400, "the step settles it at 1 kWh, whatever power told");
+    assert_eq!(
+        run(&mut meter, 60, 36, 500),
+        600,
+        "36 kW for a minute: 600 Wh"
+    );
+    assert_eq!(
+        run(&mut meter, 4, 36, 501),
+        400,
+        "the step settles it at 1 kWh, whatever power told"
+    );
     assert_eq!(run(&mut meter, 200, 36, 501), 999, "less than a step");
     assert_eq!(run(&mut meter, 4, 36, 502), 0, "the step was there already");
     assert_eq!(run(&mut meter, 60, 36, 502), 600);
-    let kept = meter.take_unkept(MonoTime::from_millis(1), Duration::ZERO).unwrap();
+    let kept = meter
+        .take_unkept(MonoTime::from_millis(1), Duration::ZERO)
+        .unwrap();
     let mut meter = UsageMeter::new(&both, pace());
     meter.remember(kept);
     assert_eq!(run(&mut meter, 4, 36, 503), 400, "after a restart, too");
     assert_eq!(run(&mut meter, 60, 36, 503), 600);
-    assert_eq!(run(&mut meter, 12, 36, 3), 0, "the drive was replaced: what power told stays");
+    assert_eq!(
+        run(&mut meter, 12, 36, 3),
+        0,
+        "the drive was replaced: what power told stays"
+    );
     assert_eq!(run(&mut meter, 4, 36, 4), 1000);
 }
 
 #[test]
 fn running_time_and_starts_follow_the_readings() {
     for (readings, running, starts, why) in [
-        (&[(0, Some(true)), (1, Some(true))][..], 1, 0, "found running"),
-        (&[(0, Some(false)), (1, Some(true)), (2, Some(true)), (3, Some(false)), (4, Some(false))], 2, 1, "one run"),
-        (&[(0, Some(true)), (3, Some(true)), (7, Some(true)), (8, Some(true))], 4, 0, "a gap of 4 s is not counted"),
-        (&[(0, Some(false)), (30, Some(true))], 0, 1, "started while nothing was read"),
-        (&[(0, Some(true)), (1, None), (2, Some(true))], 2, 0, "not known for a moment"),
-        (&[(0, None), (1, Some(true))], 0, 0, "nothing was known before"),
-        (&[(0, Some(false)), (1, Some(true)), (2, Some(false)), (3, Some(true))], 1, 2, "two runs"),
+        (
+            &[(0, Some(true)), (1, Some(true))][..],
+            1,
+            0,
+            "found running",
+        ),
+        (
+            &[
+                (0, Some(false)),
+                (1, Some(true)),
+                (2, Some(true)),
+                (3, Some(false)),
+                (4, Some(false)),
+            ],
+            2,
+            1,
+            "one run",
+        ),
+        (
+            &[
+                (0, Some(true)),
+                (3, Some(true)),
+                (7, Some(true)),
+                (8, Some(true)),
+            ],
+            4,
+            0,
+            "a gap of 4 s is not counted",
+        ),
+        (
+            &[(0, Some(false)), (30, Some(true))],
+            0,
+            1,
+            "started while nothing was read",
+        ),
+        (
+            &[(0, Some(true)), (1, None), (2, Some(true))],
+            2,
+            0,
+            "not known for a moment",
+        ),
+        (
+            &[(0, None), (1, Some(true))],
+            0,
+            0,
+            "nothing was known before",
+        ),
+        (
+            &[
+                (0, Some(false)),
+                (1, Some(true)),
+                (2, Some(false)),
+                (3, Some(true)),
+            ],
+            1,
+            2,
+            "two runs",
+        ),
     ] {
         let mut meter = UsageMeter::new(&model(), pace());
-        readings.iter().for_each(|(second, runs)| meter.take_running(*runs, seconds(*second)));
-        let UsageTotals { running: time, starts: begun, .. } = *meter.totals();
-        assert_eq!((time, begun), (Duration::from_secs(running), starts), "{why}");
+        readings
+            .iter()
+            .for_each(|(second, runs)| meter.take_running(*runs, seconds(*second)));
+        let UsageTotals {
+            running: time,
+            starts: begun,
+            ..
+        } = *meter.totals();
+        assert_eq!(
+            (time, begun),
+            (Duration::from_secs(running), starts),
+            "{why}"
+        );
     }
 }
 
@@ -171,27 +314,49 @@ fn running_time_and_starts_follow_the_readings() {
 fn sums_are_returned_when_they_have_changed_and_not_too_often() {
     let mut meter = UsageMeter::new(&model(), pace());
     let every = Duration::from_secs(3);
-    assert_eq!(meter.take_unkept(seconds(10), every), None, "nothing was used");
+    assert_eq!(
+        meter.take_unkept(seconds(10), every),
+        None,
+        "nothing was used"
+    );
     meter.tripped(2);
     let unkept = meter.take_unkept(seconds(10), every).unwrap();
     assert_eq!(unkept.totals.trips, 2);
     meter.tripped(1);
     assert_eq!(meter.take_unkept(seconds(12), every), None, "too soon");
-    assert_eq!(meter.take_unkept(seconds(12), Duration::ZERO).unwrap().totals.trips, 3, "not for a trip");
+    assert_eq!(
+        meter
+            .take_unkept(seconds(12), Duration::ZERO)
+            .unwrap()
+            .totals
+            .trips,
+        3,
+        "not for a trip"
+    );
     assert_eq!(meter.take_unkept(seconds(99), every), None, "nothing since");
     meter.reset();
-    assert_eq!(meter.take_unkept(seconds(99), every).unwrap().totals, UsageTotals::default());
+    assert_eq!(
+        meter.take_unkept(seconds(99), every).unwrap().totals,
+        UsageTotals::default()
+    );
 }
 
 #[test]
 fn a_drive_has_the_sums_that_its_model_can_tell() {
     let all = |model: &Model| UsagePart::ALL.map(|part| UsageParts::of(model).has(part));
     let power = with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10);
-    assert_eq!((all(&power), UsageParts::of(&power).energy), ([true; 4], Some(EnergySource::Power)));
+    assert_eq!(
+        (all(&power), UsageParts::of(&power).energy),
+        ([true; 4], Some(EnergySource::Power))
+    );
     let counter = with(Role::Energy, UnitOfMeasure::KilowattHour, 10);
     assert_eq!(UsageParts::of(&counter).energy, Some(EnergySource::Counter));
     let per_cent = with(Role::OutputPower, UnitOfMeasure::Percent, 10);
-    assert_eq!(all(&per_cent), [false, true, true, true], "of an unknown value");
+    assert_eq!(
+        all(&per_cent),
+        [false, true, true, true],
+        "of an unknown value"
+    );
     let mut meter = with_status();
     meter.registers.clear();
     meter.status.clear();
@@ -200,11 +365,25 @@ fn a_drive_has_the_sums_that_its_model_can_tell() {
 
 #[test]
 fn a_sum_is_shown_in_full_steps() {
-    let totals =
-        UsageTotals { energy_mj: 3_599_999_999, running: Duration::from_millis(3_599_999), starts: 7, trips: 2 };
-    let view = UsageView { parts: UsageParts::of(&with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10)), totals };
+    let totals = UsageTotals {
+        energy_mj: 3_599_999_999,
+        running: Duration::from_millis(3_599_999),
+        starts: 7,
+        trips: 2,
+    };
+    let view = UsageView {
+        parts: UsageParts::of(&with(Role::OutputPower, UnitOfMeasure::Kilowatt, 10)),
+        totals,
+    };
     let shown = UsagePart::ALL.map(|part| view.value(part).unwrap().to_string());
     assert_eq!(shown, ["0.99", "0.99", "7", "2"]);
     assert_eq!(view.steps(UsagePart::Energy, 10), Some(9));
-    assert_eq!(UsageView { parts: UsageParts::default(), totals }.value(UsagePart::Energy), None);
+    assert_eq!(
+        UsageView {
+            parts: UsageParts::default(),
+            totals
+        }
+        .value(UsagePart::Energy),
+        None
+    );
 }

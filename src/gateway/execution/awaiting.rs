@@ -11,12 +11,17 @@ use std::time::Duration;
 impl Execution {
     /// The register that is read now because the order rests on it: the drive's identity, or a setting.
     pub(super) fn required_register(&self) -> Option<Address> {
-        let Stage::Step(index) = self.stage else { return None };
+        let Stage::Step(index) = self.stage else {
+            return None;
+        };
         match self.approved.steps().get(index)? {
             Step::Require { address, .. } => Some(*address),
-            Step::Check { .. } | Step::Await(_) | Step::Skip(_) | Step::Pause(_) | Step::Rest(_) | Step::Write(_) => {
-                None
-            }
+            Step::Check { .. }
+            | Step::Await(_)
+            | Step::Skip(_)
+            | Step::Pause(_)
+            | Step::Rest(_)
+            | Step::Write(_) => None,
         }
     }
 
@@ -26,7 +31,9 @@ impl Execution {
         let (Some(Step::Await(wait)), Some(word)) = (self.approved.steps().get(index), word) else {
             return self.unanswered();
         };
-        let Await { condition, reason, .. } = wait;
+        let Await {
+            condition, reason, ..
+        } = wait;
         if condition.is_met(word) {
             return self.go_on_from(index, now);
         }
@@ -38,7 +45,11 @@ impl Execution {
             return Next::Goes(None);
         }
         let failed = Report::new(Outcome::Failed, *reason);
-        Next::Ends(Report { held: Some(word), register: Some(register), ..failed })
+        Next::Ends(Report {
+            held: Some(word),
+            register: Some(register),
+            ..failed
+        })
     }
 
     /// How long its steps may wait, all together.
@@ -54,13 +65,18 @@ impl Execution {
     /// Whether the next request writes a word of a start, or the run word.
     #[must_use]
     pub fn starts(&self) -> bool {
-        self.present_writes().iter().any(|write| matches!(write.part, StepPart::Start | StepPart::Run(_)))
+        self.present_writes()
+            .iter()
+            .any(|write| matches!(write.part, StepPart::Start | StepPart::Run(_)))
     }
 
     /// Whether the run word was sent, and all that is left is to see its effect.
     #[must_use]
     pub const fn is_reading_back(&self) -> bool {
-        matches!(self.stage, Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done)
+        matches!(
+            self.stage,
+            Stage::ReadBack(..) | Stage::Resolve(..) | Stage::Done
+        )
     }
 
     /// When the step at `index`, which follows a write at `now`, may be sent.

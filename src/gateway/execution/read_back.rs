@@ -14,12 +14,24 @@ pub(super) const LOOK_EVERY: Duration = Duration::from_millis(50);
 impl Execution {
     /// Checks `words` against the condition `shown` of the step at `index`, and against the following ones in the same
     /// register.
-    pub(super) fn shown(&mut self, index: usize, shown: usize, words: &[u16], now: MonoTime) -> Next {
-        let Some(condition) = self.condition(index, shown) else { return self.end() };
+    pub(super) fn shown(
+        &mut self,
+        index: usize,
+        shown: usize,
+        words: &[u16],
+        now: MonoTime,
+    ) -> Next {
+        let Some(condition) = self.condition(index, shown) else {
+            return self.end();
+        };
         let address = condition.address;
         let within = condition.within;
-        let of_register = (shown..).map_while(|at| self.condition(index, at)).take_while(|it| it.address == address);
-        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| (n + 1, all && it.is_met_by(words)));
+        let of_register = (shown..)
+            .map_while(|at| self.condition(index, at))
+            .take_while(|it| it.address == address);
+        let (looked_at, all_met) = of_register.fold((0, true), |(n, all), it| {
+            (n + 1, all && it.is_met_by(words))
+        });
         if all_met {
             return self.is_shown(index, shown + looked_at);
         }
@@ -29,14 +41,25 @@ impl Execution {
             self.in_vain = 0;
             return Next::Goes(None);
         }
-        let reason = if matches!(self.stage, Stage::Resolve(..)) { Reason::NoReply } else { Reason::NotReadBack };
-        Next::Ends(Report { held: words.first().copied(), ..Report::new(Outcome::Failed, reason) })
+        let reason = if matches!(self.stage, Stage::Resolve(..)) {
+            Reason::NoReply
+        } else {
+            Reason::NotReadBack
+        };
+        Next::Ends(Report {
+            held: words.first().copied(),
+            ..Report::new(Outcome::Failed, reason)
+        })
     }
 
     /// The step at `index` has shown everything up to its condition `next`.
     fn is_shown(&mut self, index: usize, next: usize) -> Next {
         let resolves = matches!(self.stage, Stage::Resolve(..));
-        let stage = if resolves { Stage::Resolve } else { Stage::ReadBack };
+        let stage = if resolves {
+            Stage::Resolve
+        } else {
+            Stage::ReadBack
+        };
         if self.condition(index, next).is_some() {
             self.look_at(stage(index, next));
             return Next::Goes(None);
@@ -73,15 +96,23 @@ impl Execution {
 
     pub(super) fn read_again(&mut self) -> Next {
         self.in_vain += 1;
-        if self.in_vain < READS_MAX { Next::Goes(None) } else { self.give_up_reading() }
+        if self.in_vain < READS_MAX {
+            Next::Goes(None)
+        } else {
+            self.give_up_reading()
+        }
     }
 
     pub(super) fn give_up_reading(&mut self) -> Next {
         Next::Ends(match self.stage {
             Stage::Step(_) if self.has_begun => Report::new(Outcome::Failed, Reason::NoReply),
             Stage::Step(_) => Report::refused(Reason::NoReply),
-            Stage::ReadBack(..) if self.is_unanswered => Report::new(Outcome::Unknown, Reason::NoReply),
-            Stage::ReadBack(..) | Stage::Done => Report::new(Outcome::Acknowledged, Reason::NoReply),
+            Stage::ReadBack(..) if self.is_unanswered => {
+                Report::new(Outcome::Unknown, Reason::NoReply)
+            }
+            Stage::ReadBack(..) | Stage::Done => {
+                Report::new(Outcome::Acknowledged, Reason::NoReply)
+            }
             Stage::Resolve(..) => Report::new(Outcome::Unknown, Reason::NoReply),
         })
     }
@@ -94,6 +125,9 @@ impl Execution {
     /// The condition `shown` of the step at `index`.
     pub(super) fn condition(&self, index: usize, shown: usize) -> Option<&Condition> {
         let step = self.approved.steps().get(index)?;
-        writes_of(step).iter().flat_map(|write| &write.shown).nth(shown)
+        writes_of(step)
+            .iter()
+            .flat_map(|write| &write.shown)
+            .nth(shown)
     }
 }

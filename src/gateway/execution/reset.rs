@@ -10,8 +10,13 @@ impl Execution {
     /// has not begun. `is_on_the_wire`: the current step was sent.
     #[must_use]
     pub fn rest_to_come(&self, is_on_the_wire: bool) -> Option<Duration> {
-        let (Stage::Step(index), Repeats::No) = (self.stage, self.repeats) else { return None };
-        let (sent, left) = self.approved.steps().split_at_checked(index + usize::from(is_on_the_wire))?;
+        let (Stage::Step(index), Repeats::No) = (self.stage, self.repeats) else {
+            return None;
+        };
+        let (sent, left) = self
+            .approved
+            .steps()
+            .split_at_checked(index + usize::from(is_on_the_wire))?;
         let rest = left.iter().find_map(|step| match step {
             Step::Rest(rest) => Some(*rest),
             Step::Check { .. }
@@ -29,7 +34,14 @@ impl Execution {
     pub(super) fn takes_back(&self) -> bool {
         // On some models the last word is the reset word.
         let takes_back = |write: &Write| {
-            let clears = matches!(write.part, StepPart::Reset { ends: true, resets: false, .. });
+            let clears = matches!(
+                write.part,
+                StepPart::Reset {
+                    ends: true,
+                    resets: false,
+                    ..
+                }
+            );
             clears || matches!(write.part, StepPart::TakesBack | StepPart::TakesStartBack)
         };
         self.present_writes().iter().all(takes_back)
@@ -38,7 +50,16 @@ impl Execution {
     /// Whether the next request writes the reset word, which a later one clears.
     #[must_use]
     pub fn leaves_a_reset_standing(&self) -> bool {
-        let resets = |write: &Write| matches!(write.part, StepPart::Reset { ends: false, resets: true, .. });
+        let resets = |write: &Write| {
+            matches!(
+                write.part,
+                StepPart::Reset {
+                    ends: false,
+                    resets: true,
+                    ..
+                }
+            )
+        };
         self.present_writes().iter().any(resets)
     }
 
@@ -63,6 +84,9 @@ impl Execution {
     }
 
     pub(super) fn rest_step(&self) -> Option<usize> {
-        self.approved.steps().iter().position(|step| matches!(step, Step::Rest(_)))
+        self.approved
+            .steps()
+            .iter()
+            .position(|step| matches!(step, Step::Rest(_)))
     }
 }

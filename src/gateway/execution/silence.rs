@@ -7,8 +7,13 @@ use crate::drive::steps::StepPart;
 impl Execution {
     /// The drive has said nothing to the current step. `None` if it should have answered.
     pub fn silent_as_announced(&mut self, now: MonoTime) -> Option<Next> {
-        let Stage::Step(index) = self.stage else { return None };
-        let is_announced = self.present_writes().iter().any(|write| self.approved.is_silent(write));
+        let Stage::Step(index) = self.stage else {
+            return None;
+        };
+        let is_announced = self
+            .present_writes()
+            .iter()
+            .any(|write| self.approved.is_silent(write));
         is_announced.then(|| {
             self.is_unanswered = true;
             self.go_on_from(index, now)
@@ -20,11 +25,17 @@ impl Execution {
     pub fn parts_in_question(&self) -> Vec<StepPart> {
         let steps = self.approved.steps();
         match self.stage {
-            Stage::Resolve(index, _) => {
-                steps.get(index).map_or(&[][..], writes_of).iter().map(|write| write.part).collect()
-            }
+            Stage::Resolve(index, _) => steps
+                .get(index)
+                .map_or(&[][..], writes_of)
+                .iter()
+                .map(|write| write.part)
+                .collect(),
             Stage::ReadBack(..) if self.is_unanswered => {
-                let silent = steps.iter().flat_map(writes_of).filter(|write| self.approved.is_silent(write));
+                let silent = steps
+                    .iter()
+                    .flat_map(writes_of)
+                    .filter(|write| self.approved.is_silent(write));
                 silent.map(|write| write.part).collect()
             }
             Stage::ReadBack(..) | Stage::Step(_) | Stage::Done => Vec::new(),

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::domain::address::Address;
-use crate::domain::command::{CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights};
+use crate::domain::command::{
+    CommandRequest, Direction, Go, Manner, Origin, Owner, RegisterWrite, Rights,
+};
 use crate::domain::control::ControlSettings;
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
@@ -25,13 +27,28 @@ const IN_DOUBT: Next = Next::Goes(Some(Report::new(Outcome::Unknown, Reason::NoR
 const QUIETLY: Next = Next::Goes(None);
 
 fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
-    let settings = ControlSettings { strict: false, ..control() };
-    let mut guard = DriveGuard::new(Arc::new(model.clone()), Some(Arc::new(settings)), 1, MonoTime::ZERO);
+    let settings = ControlSettings {
+        strict: false,
+        ..control()
+    };
+    let mut guard = DriveGuard::new(
+        Arc::new(model.clone()),
+        Some(Arc::new(settings)),
+        1,
+        MonoTime::ZERO,
+    );
     let command = CommandRequest {
         asker: AskerId(1),
         ticket: Ticket(1),
         drive: DriveIndex(0),
-        origin: Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once },
+        origin: Origin {
+            owner,
+            rights: Rights {
+                write: true,
+                stop: true,
+            },
+            manner: Manner::Once,
+        },
         order,
         start_before: NOW + Duration::from_secs(1),
         issued: None,
@@ -54,8 +71,13 @@ fn execution_by(model: &Model, order: Order, owner: Owner) -> Execution {
         is_local: None,
         is_watched: false,
     };
-    let Ok(Verdict::Go(approved)) = guard.review(&command, &facts, NOW) else { panic!("approved") };
-    Execution::new(approved, Waiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)))
+    let Ok(Verdict::Go(approved)) = guard.review(&command, &facts, NOW) else {
+        panic!("approved")
+    };
+    Execution::new(
+        approved,
+        Waiter::of_command(AskerId(1), Ticket(1), DriveIndex(0)),
+    )
 }
 
 fn execution(model: &Model, order: Order) -> Execution {
@@ -77,7 +99,13 @@ fn deaf() -> Model {
 #[track_caller]
 fn sends(execution: &mut Execution, value: u16) -> MonoTime {
     let (at, request) = execution.request().unwrap();
-    assert_eq!(request, Request::WriteSingle { address: RUN.into(), value });
+    assert_eq!(
+        request,
+        Request::WriteSingle {
+            address: RUN.into(),
+            value
+        }
+    );
     execution.was_sent();
     at
 }
@@ -123,7 +151,10 @@ fn a_reset_that_is_answered_rests_and_is_looked_at_afterwards() {
     assert_eq!(execution.request(), None, "nothing is sent before");
     assert_eq!(execution.rest(until), ACKNOWLEDGED);
     assert_eq!(reads(&execution, STATUS.into()), until);
-    assert_eq!(word(&mut execution, 0, until), ends(Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        word(&mut execution, 0, until),
+        ends(Outcome::Confirmed, Reason::None)
+    );
     assert_eq!(execution.request(), None);
 }
 
@@ -135,10 +166,17 @@ fn a_stop_to_which_the_drive_is_deaf_goes_once_more_after_the_rest() {
     let (until, _) = execution.rest_at(NOW).unwrap();
     assert_eq!(execution.rest(until), QUIETLY);
     assert_eq!(sends(&mut execution, 0), until);
-    assert_eq!(holds(&mut execution, 0, until), ACKNOWLEDGED, "one rest is enough");
+    assert_eq!(
+        holds(&mut execution, 0, until),
+        ACKNOWLEDGED,
+        "one rest is enough"
+    );
     assert!(execution.is_sure());
     reads(&execution, STATUS.into());
-    assert_eq!(word(&mut execution, 0, until), ends(Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        word(&mut execution, 0, until),
+        ends(Outcome::Confirmed, Reason::None)
+    );
 }
 
 #[test]
@@ -161,9 +199,10 @@ fn the_stop_that_ends_a_reset_is_given_up_at_last() {
 
 #[test]
 fn a_reset_word_without_an_answer_is_taken_back_and_settled_by_the_status_word() {
-    for (status, expected) in
-        [(0, ends(Outcome::Confirmed, Reason::None)), (TRIPPED, ends(Outcome::Failed, Reason::NotReadBack))]
-    {
+    for (status, expected) in [
+        (0, ends(Outcome::Confirmed, Reason::None)),
+        (TRIPPED, ends(Outcome::Failed, Reason::NotReadBack)),
+    ] {
         let mut execution = execution(&deaf(), Order::Reset);
         sends(&mut execution, 0);
         holds(&mut execution, 0, NOW);
@@ -172,14 +211,26 @@ fn a_reset_word_without_an_answer_is_taken_back_and_settled_by_the_status_word()
         let (until, _) = execution.rest_at(NOW).unwrap();
         assert_eq!(execution.rest(until), QUIETLY);
         sends(&mut execution, 0);
-        assert_eq!(holds(&mut execution, 0, until), QUIETLY, "no acknowledgement of what was in doubt");
+        assert_eq!(
+            holds(&mut execution, 0, until),
+            QUIETLY,
+            "no acknowledgement of what was in doubt"
+        );
         assert!(!execution.is_sure());
         word(&mut execution, status, until);
         let late = until + Duration::from_secs(2);
         if execution.request().is_some() {
             let held = word(&mut execution, status, late);
-            let Next::Ends(report) = held else { panic!("{held:?}") };
-            assert_eq!(Next::Ends(Report { held: None, ..report }), expected);
+            let Next::Ends(report) = held else {
+                panic!("{held:?}")
+            };
+            assert_eq!(
+                Next::Ends(Report {
+                    held: None,
+                    ..report
+                }),
+                expected
+            );
         } else {
             assert_eq!(status, 0);
         }
@@ -196,20 +247,30 @@ fn without_a_status_word_a_reset_in_doubt_stays_unknown() {
     sends(&mut execution, 0);
     assert_eq!(holds(&mut execution, 0, NOW), QUIETLY);
     reads(&execution, 0x0101_u16.into());
-    assert_eq!(word(&mut execution, 0, NOW), ends(Outcome::Unknown, Reason::NoReply));
+    assert_eq!(
+        word(&mut execution, 0, NOW),
+        ends(Outcome::Unknown, Reason::NoReply)
+    );
 }
 
 #[test]
 fn a_first_stop_without_an_answer_resets_nothing() {
     let mut execution = execution(&deaf(), Order::Reset);
     sends(&mut execution, 0);
-    assert_eq!(execution.unanswered(), ends(Outcome::Unknown, Reason::NoReply));
+    assert_eq!(
+        execution.unanswered(),
+        ends(Outcome::Unknown, Reason::NoReply)
+    );
 }
 
 #[test]
 fn a_reset_that_is_cut_says_what_rest_is_still_to_come() {
     let mut execution = execution(&deaf(), Order::Reset);
-    assert_eq!((execution.rest_to_come(false), execution.rest_to_come(true)), (None, None), "only a stop at most");
+    assert_eq!(
+        (execution.rest_to_come(false), execution.rest_to_come(true)),
+        (None, None),
+        "only a stop at most"
+    );
     sends(&mut execution, 0);
     holds(&mut execution, 0, NOW);
     assert_eq!(
@@ -219,7 +280,10 @@ fn a_reset_that_is_cut_says_what_rest_is_still_to_come() {
     );
     sends(&mut execution, 4);
     holds(&mut execution, 4, NOW);
-    assert_eq!((execution.rest_to_come(false), execution.rest_to_come(true)), (Some(DEAF), Some(DEAF)));
+    assert_eq!(
+        (execution.rest_to_come(false), execution.rest_to_come(true)),
+        (Some(DEAF), Some(DEAF))
+    );
     sends(&mut execution, 0);
     execution.unanswered();
     execution.rest(NOW + DEAF);
@@ -228,22 +292,38 @@ fn a_reset_that_is_cut_says_what_rest_is_still_to_come() {
     let mut without = execution_by(&with_status(), Order::Reset, Owner::Mqtt);
     sends(&mut without, 0);
     holds(&mut without, 0, NOW);
-    assert_eq!(without.rest_to_come(true), None, "a drive that is never deaf");
+    assert_eq!(
+        without.rest_to_come(true),
+        None,
+        "a drive that is never deaf"
+    );
 }
 
 #[test]
 fn what_is_to_show_is_looked_at_with_patience() {
     let patience = Duration::from_secs(1);
     for (shows_at, expected) in [
-        (Duration::from_millis(900), ends(Outcome::Confirmed, Reason::None)),
+        (
+            Duration::from_millis(900),
+            ends(Outcome::Confirmed, Reason::None),
+        ),
         (
             Duration::from_secs(100),
-            Next::Ends(Report { held: Some(0), ..Report::new(Outcome::Failed, Reason::NotReadBack) }),
+            Next::Ends(Report {
+                held: Some(0),
+                ..Report::new(Outcome::Failed, Reason::NotReadBack)
+            }),
         ),
     ] {
         let mut execution = execution(&with_status(), go(Some(2000), Some(Direction::Forward)));
         for (address, value) in [(FREQUENCY, 2000), (RUN, 1)] {
-            assert_eq!(execution.request().unwrap().1, Request::WriteSingle { address: address.into(), value });
+            assert_eq!(
+                execution.request().unwrap().1,
+                Request::WriteSingle {
+                    address: address.into(),
+                    value
+                }
+            );
             execution.was_sent();
             holds(&mut execution, value, NOW);
         }
@@ -254,14 +334,22 @@ fn what_is_to_show_is_looked_at_with_patience() {
         let last = loop {
             now = now.max(reads(&execution, STATUS.into()));
             looks += 1;
-            let status = if now.since(NOW) >= shows_at { RUNNING } else { 0 };
+            let status = if now.since(NOW) >= shows_at {
+                RUNNING
+            } else {
+                0
+            };
             let next = word(&mut execution, status, now);
             if next != QUIETLY {
                 break next;
             }
         };
         assert_eq!(last, expected);
-        assert!(now.since(NOW) <= patience + Duration::from_millis(50), "{:?}", now.since(NOW));
+        assert!(
+            now.since(NOW) <= patience + Duration::from_millis(50),
+            "{:?}",
+            now.since(NOW)
+        );
         assert!((18..=22).contains(&looks), "{looks} looks, one every 50 ms");
     }
 }
@@ -272,8 +360,15 @@ fn patience_begins_with_the_first_look() {
     execution.was_sent();
     assert_eq!(holds(&mut execution, 2000, NOW), ACKNOWLEDGED);
     let late = NOW + Duration::from_secs(30);
-    assert_eq!(word(&mut execution, 0, late), QUIETLY, "the line was busy for long");
-    assert_eq!(word(&mut execution, 2000, late + Duration::from_millis(60)), ends(Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        word(&mut execution, 0, late),
+        QUIETLY,
+        "the line was busy for long"
+    );
+    assert_eq!(
+        word(&mut execution, 2000, late + Duration::from_millis(60)),
+        ends(Outcome::Confirmed, Reason::None)
+    );
 }
 
 #[test]
@@ -285,30 +380,50 @@ fn conditions_in_one_register_cost_one_look() {
     }
     word(&mut execution, 2000, NOW);
     reads(&execution, STATUS.into());
-    assert_eq!(word(&mut execution, RUNNING, NOW), QUIETLY, "it runs, and not yet in reverse");
-    assert_eq!(word(&mut execution, RUNNING | 2, NOW), ends(Outcome::Confirmed, Reason::None));
+    assert_eq!(
+        word(&mut execution, RUNNING, NOW),
+        QUIETLY,
+        "it runs, and not yet in reverse"
+    );
+    assert_eq!(
+        word(&mut execution, RUNNING | 2, NOW),
+        ends(Outcome::Confirmed, Reason::None)
+    );
 }
 
 #[test]
 fn a_write_without_an_answer_is_looked_for_and_never_repeated() {
     for (shown, expected) in [
         (2000, ends(Outcome::Confirmed, Reason::None)),
-        (1500, Next::Ends(Report { held: Some(1500), ..Report::new(Outcome::Failed, Reason::NoReply) })),
+        (
+            1500,
+            Next::Ends(Report {
+                held: Some(1500),
+                ..Report::new(Outcome::Failed, Reason::NoReply)
+            }),
+        ),
     ] {
         let mut execution = execution(&model(), go(Some(2000), None));
         execution.was_sent();
         assert_eq!(execution.unanswered(), IN_DOUBT);
         reads(&execution, SETTING.into());
         let first = word(&mut execution, shown, NOW);
-        let last =
-            if first == QUIETLY { word(&mut execution, shown, NOW + Duration::from_millis(1001)) } else { first };
+        let last = if first == QUIETLY {
+            word(&mut execution, shown, NOW + Duration::from_millis(1001))
+        } else {
+            first
+        };
         assert_eq!(last, expected);
     }
     let mut execution = execution(&model(), go(Some(2000), Some(Direction::Forward)));
     execution.was_sent();
     assert_eq!(execution.unanswered(), IN_DOUBT);
     let run_was_not_sent = ends(Outcome::Failed, Reason::NoReply);
-    assert_eq!(word(&mut execution, 2000, NOW), run_was_not_sent, "the setpoint took effect, and RUN was never sent");
+    assert_eq!(
+        word(&mut execution, 2000, NOW),
+        run_was_not_sent,
+        "the setpoint took effect, and RUN was never sent"
+    );
 }
 
 #[test]
@@ -318,11 +433,18 @@ fn a_look_without_an_answer_is_repeated_and_given_up() {
     holds(&mut execution, 2000, NOW);
     assert_eq!(execution.unanswered(), QUIETLY);
     assert_eq!(execution.unanswered(), QUIETLY);
-    assert_eq!(execution.unanswered(), ends(Outcome::Acknowledged, Reason::NoReply));
+    assert_eq!(
+        execution.unanswered(),
+        ends(Outcome::Acknowledged, Reason::NoReply)
+    );
     let mut execution = execution_by(&model(), go(Some(2000), None), Owner::Mqtt);
     execution.was_sent();
     holds(&mut execution, 2000, NOW);
-    assert_eq!(execution.excepted(2, None), ends(Outcome::Acknowledged, Reason::NoReply), "the drive does not show it");
+    assert_eq!(
+        execution.excepted(2, None),
+        ends(Outcome::Acknowledged, Reason::NoReply),
+        "the drive does not show it"
+    );
 }
 
 #[test]
@@ -333,18 +455,29 @@ fn a_check_that_fails_writes_nothing() {
         reads(&execution, SETTING.into());
         execution.was_sent();
         assert!(!execution.has_begun(), "a look is no beginning");
-        assert_eq!(word(&mut execution, wrong, NOW), Next::Ends(Report::refused(Reason::SetpointUnknown)), "{wrong}");
+        assert_eq!(
+            word(&mut execution, wrong, NOW),
+            Next::Ends(Report::refused(Reason::SetpointUnknown)),
+            "{wrong}"
+        );
     }
     let mut execution = checking();
     for _ in 1..3 {
         assert_eq!(execution.unanswered(), QUIETLY);
     }
-    assert_eq!(execution.unanswered(), Next::Ends(Report::refused(Reason::NoReply)));
+    assert_eq!(
+        execution.unanswered(),
+        Next::Ends(Report::refused(Reason::NoReply))
+    );
     let mut execution = checking();
     assert_eq!(word(&mut execution, 500, NOW), QUIETLY);
     sends(&mut execution, 1);
     assert!(execution.has_begun());
-    assert_eq!(holds(&mut execution, 1, NOW), ends(Outcome::Acknowledged, Reason::None), "no register shows it");
+    assert_eq!(
+        holds(&mut execution, 1, NOW),
+        ends(Outcome::Acknowledged, Reason::None),
+        "no register shows it"
+    );
 }
 
 #[test]
@@ -360,7 +493,8 @@ fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
         (ramp, go(Some(2500), forward), false),
         (Order::Reset, go(Some(2500), forward), false),
     ] {
-        let is_replaced = execution(&model, old.clone()).is_replaced_by(&execution(&model, new.clone()));
+        let is_replaced =
+            execution(&model, old.clone()).is_replaced_by(&execution(&model, new.clone()));
         assert_eq!(is_replaced, replaced, "{old:?} by {new:?}");
     }
     let mut begun = execution(&model, go(Some(2000), None));
@@ -368,7 +502,10 @@ fn a_newer_order_takes_the_place_of_what_has_not_begun_and_says_no_more() {
     begun.was_sent();
     assert!(!begun.is_replaced_by(&newer()), "its frame is on the wire");
     let other = execution_by(&model, go(Some(2500), None), Owner::Local);
-    assert!(!execution(&model, go(Some(2000), None)).is_replaced_by(&other), "another owner's");
+    assert!(
+        !execution(&model, go(Some(2000), None)).is_replaced_by(&other),
+        "another owner's"
+    );
 }
 
 #[test]
@@ -378,7 +515,11 @@ fn what_is_left_is_what_was_not_taken() {
     let run = StepPart::Run(Direction::Forward);
     assert_eq!(execution.parts_left().collect::<Vec<_>>(), [setpoint, run]);
     execution.was_sent();
-    assert_eq!(execution.parts_left().collect::<Vec<_>>(), [setpoint, run], "sent is not taken");
+    assert_eq!(
+        execution.parts_left().collect::<Vec<_>>(),
+        [setpoint, run],
+        "sent is not taken"
+    );
     holds(&mut execution, 2000, NOW);
     assert_eq!(execution.parts_left().collect::<Vec<_>>(), [run]);
     execution.was_sent();
@@ -393,23 +534,45 @@ fn what_was_held_up_for_too_long_starts_nothing_and_still_takes_a_reset_back() {
     let mut start = execution(&model(), go(Some(2000), Some(Direction::Forward)));
     start.was_sent();
     assert_eq!(holds(&mut start, 2000, NOW), QUIETLY);
-    assert_eq!((start.may_go(soon, 0), start.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
-    assert_eq!(reset_taken().may_go(late, 0), Ok(()), "the reset word must not stay");
+    assert_eq!(
+        (start.may_go(soon, 0), start.may_go(late, 0)),
+        (Ok(()), Err(Void::TooLate))
+    );
+    assert_eq!(
+        reset_taken().may_go(late, 0),
+        Ok(()),
+        "the reset word must not stay"
+    );
     let mut ends_with_it = model();
-    ends_with_it.run.as_mut().unwrap().reset_sequence.truncate(2);
+    ends_with_it
+        .run
+        .as_mut()
+        .unwrap()
+        .reset_sequence
+        .truncate(2);
     let mut last_resets = execution(&ends_with_it, Order::Reset);
     sends(&mut last_resets, 0);
     assert_eq!(holds(&mut last_resets, 0, NOW), QUIETLY);
-    assert_eq!((last_resets.may_go(soon, 0), last_resets.may_go(late, 0)), (Ok(()), Err(Void::TooLate)));
+    assert_eq!(
+        (last_resets.may_go(soon, 0), last_resets.may_go(late, 0)),
+        (Ok(()), Err(Void::TooLate))
+    );
 }
 
 #[test]
 fn a_reset_whose_first_stop_is_lost_ends_the_same_after_an_identity_read() {
     let model = deaf();
     let mut guarded = model.clone();
-    guarded.identity =
-        Some(Identity { address: STATUS.into(), mask: 0xF000, values: fact(vec![0]), others: Vec::new() });
-    let (mut plain, mut identified) = (execution(&model, Order::Reset), execution(&guarded, Order::Reset));
+    guarded.identity = Some(Identity {
+        address: STATUS.into(),
+        mask: 0xF000,
+        values: fact(vec![0]),
+        others: Vec::new(),
+    });
+    let (mut plain, mut identified) = (
+        execution(&model, Order::Reset),
+        execution(&guarded, Order::Reset),
+    );
     reads(&identified, STATUS.into());
     assert_eq!(word(&mut identified, 0, NOW), QUIETLY);
     sends(&mut plain, 0);

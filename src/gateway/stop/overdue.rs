@@ -32,7 +32,11 @@ impl StopLatch {
         if self.late_at(control).is_some_and(|at| now >= at) {
             self.was_told_late = true;
             self.was_told_unsent |= self.is_unsent();
-            return if self.is_unsent() { Turn::NotSent } else { Turn::NotEffective };
+            return if self.is_unsent() {
+                Turn::NotSent
+            } else {
+                Turn::NotEffective
+            };
         }
         Turn::None
     }
@@ -40,12 +44,16 @@ impl StopLatch {
     /// When [`Self::pass`] is due; `None` while the drive answers and nothing expires.
     #[must_use]
     pub fn next_wake(&self, control: &ControlSettings) -> Option<MonoTime> {
-        [self.drop_at(control), self.late_at(control)].into_iter().flatten().min()
+        [self.drop_at(control), self.late_at(control)]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// When the stop is dropped because the drive has been offline for too long since the last order to stop.
     fn drop_at(&self, control: &ControlSettings) -> Option<MonoTime> {
-        self.offline_since.map(|since| since.max(self.accepted_at) + control.stop_pending_for)
+        self.offline_since
+            .map(|since| since.max(self.accepted_at) + control.stop_pending_for)
     }
 
     /// When the alarm is due, unless it was raised.
@@ -56,7 +64,11 @@ impl StopLatch {
     /// The report for waiting clients when it is late: it depends on whether the drive ever answered.
     #[must_use]
     pub const fn late_report(&self) -> Report {
-        let reason = if self.is_acknowledged { Reason::NotEffective } else { Reason::NoReply };
+        let reason = if self.is_acknowledged {
+            Reason::NotEffective
+        } else {
+            Reason::NoReply
+        };
         Report::new(Outcome::Unknown, reason)
     }
 }

@@ -44,15 +44,25 @@ impl DriveWork {
     #[must_use]
     pub fn polled(self, pace: Pace) -> Self {
         let usage = Sums::new(&self.model, pace);
-        let mut polled = Self { pace, usage, ..self };
-        polled.guard.bases_stale_after(pace.period(PollClass::Slow) * STALE_PERIODS);
+        let mut polled = Self {
+            pace,
+            usage,
+            ..self
+        };
+        polled
+            .guard
+            .bases_stale_after(pace.period(PollClass::Slow) * STALE_PERIODS);
         polled
     }
 
     /// Whether fresh readings show that the motor is not running, or is ramping down because of a stop of ours.
     pub(super) fn rests(&self, now: MonoTime) -> bool {
         // A refused stop is sent again, but not in every cycle of a controller.
-        let waits = |at: MonoTime| self.guard.control().is_some_and(|it| now.since(at) < it.stop_effect_timeout);
+        let waits = |at: MonoTime| {
+            self.guard
+                .control()
+                .is_some_and(|it| now.since(at) < it.stop_effect_timeout)
+        };
         let may_wait = !self.is_stop_refused || self.stop_refused_at.is_some_and(waits);
         let ramps_down = self.is_stopping && self.latch.is_none() && self.output.falls();
         may_wait && self.is_fresh(now) && (self.is_at_standstill() || ramps_down)
@@ -61,11 +71,17 @@ impl DriveWork {
     /// Whether the readings of the motor are fresh.
     pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: Address, at: Option<MonoTime>| {
-            let class = self.model.register_at(address).and_then(|register| register.poll);
+            let class = self
+                .model
+                .register_at(address)
+                .and_then(|register| register.poll);
             let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
             at.is_some_and(|at| now.since(at) < limit)
         };
-        let output = self.output_register.as_ref().is_none_or(|it| is_fresh(it.address(), self.output.at()));
+        let output = self
+            .output_register
+            .as_ref()
+            .is_none_or(|it| is_fresh(it.address(), self.output.at()));
         let status = self.model.status_flag(Flag::Running);
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
     }
@@ -79,19 +95,35 @@ impl DriveWork {
     /// `command` was a stop and was answered from memory.
     pub(super) const fn was_answered(&mut self, command: &CommandRequest) {
         let coast = matches!(command.order, Order::Coast);
-        self.answered = Some(Answered { by: command.origin.owner, coast, left: READINGS, lost_at: None });
+        self.answered = Some(Answered {
+            by: command.origin.owner,
+            coast,
+            left: READINGS,
+            lost_at: None,
+        });
     }
 
     /// Takes a new reading. If the drive runs although a stop was just answered from memory, the stop is sent after all.
     pub(super) fn bear_out(&mut self, shows_output: bool, now: MonoTime, out: Out<'_>) {
-        let Some(answered) = &mut self.answered else { return };
-        let pending_for = self.guard.control().map_or(Duration::ZERO, |it| it.stop_pending_for);
+        let Some(answered) = &mut self.answered else {
+            return;
+        };
+        let pending_for = self
+            .guard
+            .control()
+            .map_or(Duration::ZERO, |it| it.stop_pending_for);
         // A drive that is unreadable for longer than a stop waits for it may be started like any other.
-        let is_late = answered.lost_at.take().is_some_and(|at| now.since(at) >= pending_for);
-        let is_over = is_late || self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
+        let is_late = answered
+            .lost_at
+            .take()
+            .is_some_and(|at| now.since(at) >= pending_for);
+        let is_over =
+            is_late || self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
         let by_reading = shows_output && self.output.is_at_standstill();
         answered.left -= u8::from(by_reading).min(answered.left);
-        let Answered { by, coast, left, .. } = *answered;
+        let Answered {
+            by, coast, left, ..
+        } = *answered;
         if is_over || left == 0 || self.runs_by_others() {
             self.answered = None;
         }
@@ -99,9 +131,15 @@ impl DriveWork {
             return;
         }
         self.is_stopped_by(by, now, out);
-        let Some(order) = self.guard.stop_after_all(by, coast, now) else { return };
+        let Some(order) = self.guard.stop_after_all(by, coast, now) else {
+            return;
+        };
         let mut waiter = Waiter::of_nobody(self.drive);
-        let tried = if coast { Order::Coast } else { Order::Stop { setpoint: None } };
+        let tried = if coast {
+            Order::Coast
+        } else {
+            Order::Stop { setpoint: None }
+        };
         self.count(&mut waiter);
         out.attempt_taken(self.drive, by, Tried::Order(tried), &mut waiter);
         self.cut(now, out);
@@ -111,7 +149,9 @@ impl DriveWork {
 
     /// `by` stops the drive, which runs by an order from elsewhere.
     pub(super) fn is_stopped_by(&mut self, by: Owner, now: MonoTime, out: Out<'_>) {
-        let before = self.again.filter(|it| it.by == by && now.since(it.at) < StoppedAgain::WITHIN);
+        let before = self
+            .again
+            .filter(|it| it.by == by && now.since(it.at) < StoppedAgain::WITHIN);
         let times = before.map_or(0, |it| it.times).saturating_add(1);
         self.again = Some(StoppedAgain { by, times, at: now });
         if times == StoppedAgain::TOLD_FROM {

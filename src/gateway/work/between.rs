@@ -17,7 +17,9 @@ impl DriveWork {
     /// Whether the stop that waits was declared, and no client has commanded it too.
     #[must_use]
     pub fn is_stop_declared(&self) -> bool {
-        self.latch.as_ref().is_some_and(StopLatch::is_declared_alone)
+        self.latch
+            .as_ref()
+            .is_some_and(StopLatch::is_declared_alone)
     }
 
     /// Another gateway or master has read the drive at `now`.
@@ -40,13 +42,17 @@ impl DriveWork {
 
     /// The frame of the stop may have met another one: it is sent again as soon as the line allows.
     pub fn stop_again_at(&mut self, now: MonoTime) {
-        self.latch.iter_mut().for_each(|latch| latch.send_again_at(now));
+        self.latch
+            .iter_mut()
+            .for_each(|latch| latch.send_again_at(now));
     }
 
     /// Another gateway or master sent the drive a stop while this gateway is active: it holds like one by another client, and
     /// is sent once more to see its effect.
     pub fn stopped_by_another(&mut self, coast: bool, now: MonoTime, out: Out<'_>) {
-        let Some(order) = self.guard.stop_by_another(coast, now) else { return };
+        let Some(order) = self.guard.stop_by_another(coast, now) else {
+            return;
+        };
         self.has_changed = true;
         if self.latch.is_none() {
             out.push_back(Effect::Note(self.drive, Note::StoppedByAnother));

@@ -18,14 +18,25 @@ use std::collections::VecDeque;
 
 impl DriveWork {
     /// Handles a command.
-    pub fn command(&mut self, now: MonoTime, command: &CommandRequest, mut waiter: Waiter, facts: Facts, out: Out<'_>) {
+    pub fn command(
+        &mut self,
+        now: MonoTime,
+        command: &CommandRequest,
+        mut waiter: Waiter,
+        facts: Facts,
+        out: Out<'_>,
+    ) {
         self.has_changed = true;
-        let is_full = self.waiting.len() >= COMMANDS_MAX && !(command.order.is_stop() || command.order.is_no_attempt());
+        let is_full = self.waiting.len() >= COMMANDS_MAX
+            && !(command.order.is_stop() || command.order.is_no_attempt());
         let owner = command.origin.owner;
         let tried = || Tried::Order(command.order.clone());
         let runs_by_others = self.runs_by_others();
-        let verdict =
-            if is_full { Err(Report::refused(Reason::QueueFull)) } else { self.guard.review(command, &facts, now) };
+        let verdict = if is_full {
+            Err(Report::refused(Reason::QueueFull))
+        } else {
+            self.guard.review(command, &facts, now)
+        };
         match verdict {
             Err(report) => {
                 if !command.order.is_no_attempt() {
@@ -36,7 +47,8 @@ impl DriveWork {
             }
             Ok(Verdict::Unchanged) => {
                 let report = Report::new(Outcome::Acknowledged, Reason::Unchanged);
-                let repeats = command.origin.manner == Manner::Cyclic && command.order != Order::Take;
+                let repeats =
+                    command.origin.manner == Manner::Cyclic && command.order != Order::Take;
                 if !repeats && !command.order.is_no_attempt() {
                     out.attempt_ended(self.drive, owner, tried(), report);
                 }
@@ -65,7 +77,12 @@ impl DriveWork {
             Ok(Verdict::Taken(from)) => {
                 self.count(&mut waiter);
                 self.taken(from, command.origin.owner, out);
-                self.tell(&mut waiter, Report::new(Outcome::Acknowledged, Reason::None), true, out);
+                self.tell(
+                    &mut waiter,
+                    Report::new(Outcome::Acknowledged, Reason::None),
+                    true,
+                    out,
+                );
             }
             Ok(Verdict::Go(approved)) => {
                 let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
@@ -95,9 +112,18 @@ impl DriveWork {
     }
 
     pub(super) fn push(&mut self, execution: Execution, out: Out<'_>) {
-        while let Some(at) = self.waiting.iter().position(|old| old.is_replaced_by(&execution)) {
+        while let Some(at) = self
+            .waiting
+            .iter()
+            .position(|old| old.is_replaced_by(&execution))
+        {
             if let Some(mut old) = self.waiting.remove(at) {
-                self.tell(old.waiter(), Report::new(Outcome::Superseded, Reason::Newer), true, out);
+                self.tell(
+                    old.waiter(),
+                    Report::new(Outcome::Superseded, Reason::Newer),
+                    true,
+                    out,
+                );
             }
         }
         self.waiting.push_back(execution);
@@ -111,9 +137,17 @@ impl DriveWork {
 
     /// There is no port to send to: clients that wait for a stop are informed at once. The stop stays pending.
     pub fn stop_waits_for_the_line(&mut self, out: Out<'_>) {
-        let waiters = self.latch.as_mut().map(|latch| std::mem::take(latch.waiters()));
+        let waiters = self
+            .latch
+            .as_mut()
+            .map(|latch| std::mem::take(latch.waiters()));
         for mut waiter in waiters.into_iter().flatten() {
-            self.tell(&mut waiter, Report::new(Outcome::Unknown, Reason::LineDown), true, out);
+            self.tell(
+                &mut waiter,
+                Report::new(Outcome::Unknown, Reason::LineDown),
+                true,
+                out,
+            );
         }
     }
 
@@ -124,11 +158,21 @@ impl DriveWork {
         if is_current {
             self.leave_flight(out.now());
         }
-        let current = if is_current { self.current.take() } else { None };
-        let (cut, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(moves);
+        let current = if is_current {
+            self.current.take()
+        } else {
+            None
+        };
+        let (cut, kept) = std::mem::take(&mut self.waiting)
+            .into_iter()
+            .partition::<VecDeque<_>, _>(moves);
         self.waiting = kept;
         for mut execution in current.into_iter().chain(cut) {
-            let outcome = if execution.has_begun() { Outcome::Unknown } else { Outcome::Refused };
+            let outcome = if execution.has_begun() {
+                Outcome::Unknown
+            } else {
+                Outcome::Refused
+            };
             self.tell(execution.waiter(), Report::new(outcome, reason), true, out);
         }
     }
@@ -136,22 +180,37 @@ impl DriveWork {
     /// The client `asker` is gone: its commands that have not begun are dropped. A stop is not an execution and stays. Returns
     /// the number of dropped commands.
     pub fn withdraw(&mut self, asker: AskerId, out: Out<'_>) -> u64 {
-        self.withdraw_all(|execution| execution.is_of(asker), Report::refused(Reason::CommanderLost), out)
+        self.withdraw_all(
+            |execution| execution.is_of(asker),
+            Report::refused(Reason::CommanderLost),
+            out,
+        )
     }
 
     /// Control was taken over: orders of the previous owner that have not begun are dropped, the rest continues.
     fn taken(&mut self, from: Option<Owner>, by: Owner, out: Out<'_>) {
         out.push_back(Effect::Note(self.drive, Note::Taken { from, by }));
-        self.withdraw_all(|execution| Some(execution.owner()) == from, Report::held_by(by), out);
+        self.withdraw_all(
+            |execution| Some(execution.owner()) == from,
+            Report::held_by(by),
+            out,
+        );
     }
 
-    fn withdraw_all(&mut self, goes: impl Fn(&Execution) -> bool, report: Report, out: Out<'_>) -> u64 {
+    fn withdraw_all(
+        &mut self,
+        goes: impl Fn(&Execution) -> bool,
+        report: Report,
+        out: Out<'_>,
+    ) -> u64 {
         let goes = |execution: &Execution| goes(execution) && !execution.has_begun();
         let current = self.current.take_if(|execution| goes(execution));
         if current.is_some() && matches!(self.flight, Some(Rank::Step | Rank::Start)) {
             self.flight = None;
         }
-        let (gone, kept) = std::mem::take(&mut self.waiting).into_iter().partition::<VecDeque<_>, _>(goes);
+        let (gone, kept) = std::mem::take(&mut self.waiting)
+            .into_iter()
+            .partition::<VecDeque<_>, _>(goes);
         self.waiting = kept;
         let mut count = 0;
         for mut execution in current.into_iter().chain(gone) {
@@ -166,22 +225,52 @@ impl DriveWork {
         let is_on_the_wire = matches!(self.flight, Some(Rank::Step | Rank::Start));
         self.leave_flight(now);
         // A drive that was reset still ignores requests.
-        let rest = self.current.as_ref().and_then(|execution| execution.rest_to_come(is_on_the_wire));
+        let rest = self
+            .current
+            .as_ref()
+            .and_then(|execution| execution.rest_to_come(is_on_the_wire));
         self.rest_until = rest.map(|rest| now + rest).or(self.rest_until);
-        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+        for mut execution in self
+            .current
+            .take()
+            .into_iter()
+            .chain(std::mem::take(&mut self.waiting))
+        {
             // The effect of a stop on the motor is known; whether a register took its value is not.
-            let is_register =
-                matches!(execution.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
-            let outcome = if is_register && execution.has_begun() { Outcome::Unknown } else { Outcome::Superseded };
-            self.tell(execution.waiter(), Report::new(outcome, Reason::Stopped), true, out);
+            let is_register = matches!(execution.order(), Order::Go(go) if go.run().is_none() && go.frequency().is_none());
+            let outcome = if is_register && execution.has_begun() {
+                Outcome::Unknown
+            } else {
+                Outcome::Superseded
+            };
+            self.tell(
+                execution.waiter(),
+                Report::new(outcome, Reason::Stopped),
+                true,
+                out,
+            );
         }
     }
 
     pub(super) fn fail_safe(&mut self, lost: Lost, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
-        let Lost { owner, action, cause, .. } = lost;
-        out.keep(self.drive, Entry::FailSafe { owner, action, cause });
-        let Some(order) = lost.order else { return self.cut_motion(Reason::CommanderLost, out) };
+        let Lost {
+            owner,
+            action,
+            cause,
+            ..
+        } = lost;
+        out.keep(
+            self.drive,
+            Entry::FailSafe {
+                owner,
+                action,
+                cause,
+            },
+        );
+        let Some(order) = lost.order else {
+            return self.cut_motion(Reason::CommanderLost, out);
+        };
         self.cut(now, out);
         self.is_stopping = true;
         self.stop(order, None, now, out);
@@ -199,7 +288,13 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn stop(&mut self, order: StopOrder, waiter: Option<Waiter>, now: MonoTime, out: Out<'_>) {
+    pub(super) fn stop(
+        &mut self,
+        order: StopOrder,
+        waiter: Option<Waiter>,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         let coast = order.is_coast();
         let is_new = match &mut self.latch {
             Some(latch) => latch.also(order, waiter, now, out),
@@ -215,7 +310,10 @@ impl DriveWork {
 
     /// The execution is over: unfinished orders are no longer part of the intent.
     pub(super) fn finish(&mut self, execution: &mut Execution, report: Report, out: Out<'_>) {
-        if matches!(report.outcome, Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded) {
+        if matches!(
+            report.outcome,
+            Outcome::Refused | Outcome::Expired | Outcome::Failed | Outcome::Superseded
+        ) {
             for part in execution.parts_left() {
                 match part {
                     StepPart::Run(direction) => {
@@ -226,8 +324,9 @@ impl DriveWork {
                         self.guard.run_failed(direction, still_ordered);
                     }
                     StepPart::Setpoint(value) | StepPart::SignedSetpoint(value, _) => {
-                        let still_ordered =
-                            self.last_left(|execution, part| Some((execution.owner(), part.setpoint()?)));
+                        let still_ordered = self.last_left(|execution, part| {
+                            Some((execution.owner(), part.setpoint()?))
+                        });
                         self.guard.setpoint_failed(value, still_ordered);
                     }
                     StepPart::Start
@@ -247,6 +346,11 @@ impl DriveWork {
     /// The newest value that `of` finds in the orders still to be sent.
     fn last_left<T>(&self, of: impl Fn(&Execution, StepPart) -> Option<T>) -> Option<T> {
         let executions = self.current.iter().chain(&self.waiting);
-        executions.rev().find_map(|execution| execution.parts_left().filter_map(|part| of(execution, part)).last())
+        executions.rev().find_map(|execution| {
+            execution
+                .parts_left()
+                .filter_map(|part| of(execution, part))
+                .last()
+        })
     }
 }

@@ -15,7 +15,10 @@ pub(super) struct Durable<T, const MAX: usize> {
 impl<T, const MAX: usize> Durable<T, MAX> {
     /// Shows `shown`, with nothing newer.
     pub const fn new(shown: T) -> Self {
-        Self { shown, unkept: VecDeque::new() }
+        Self {
+            shown,
+            unkept: VecDeque::new(),
+        }
     }
 
     /// What is shown.
@@ -25,7 +28,9 @@ impl<T, const MAX: usize> Durable<T, MAX> {
 
     /// The newest picture, shown or not.
     pub fn newest(&self) -> &T {
-        self.unkept.back().map_or(&self.shown, |(_, picture)| picture)
+        self.unkept
+            .back()
+            .map_or(&self.shown, |(_, picture)| picture)
     }
 
     /// Adds a picture to show once `row` is durable; without a row, at once, unless others are pending.

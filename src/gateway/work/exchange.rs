@@ -18,19 +18,46 @@ impl DriveWork {
     pub fn wants(&self) -> impl Iterator<Item = Want> + '_ {
         let stop = self.latch.as_ref().map(|latch| {
             let (at, request) = latch.frame();
-            let rank = if latch.is_first() { Rank::FirstStop } else { Rank::RepeatedStop };
+            let rank = if latch.is_first() {
+                Rank::FirstStop
+            } else {
+                Rank::RepeatedStop
+            };
             Want { rank, at, request }
         });
-        let execution = self.current.as_ref().or(self.waiting.front()).and_then(|execution| {
-            let rank = if execution.is_new() { Rank::Start } else { Rank::Step };
-            let (at, request) = execution.request()?;
-            Some(Want { rank, at: at.max(self.opens_at(execution)), request })
-        });
-        let look = self.latch.as_ref().filter(|latch| latch.look_at() < MonoTime::NEVER).and_then(|latch| {
-            let (address, count) = self.looks.get(latch.looks() % self.looks.len().max(1)).copied()?;
-            let request = Request::Read { address, count };
-            Some(Want { rank: Rank::Look, at: latch.look_at(), request })
-        });
+        let execution = self
+            .current
+            .as_ref()
+            .or(self.waiting.front())
+            .and_then(|execution| {
+                let rank = if execution.is_new() {
+                    Rank::Start
+                } else {
+                    Rank::Step
+                };
+                let (at, request) = execution.request()?;
+                Some(Want {
+                    rank,
+                    at: at.max(self.opens_at(execution)),
+                    request,
+                })
+            });
+        let look = self
+            .latch
+            .as_ref()
+            .filter(|latch| latch.look_at() < MonoTime::NEVER)
+            .and_then(|latch| {
+                let (address, count) = self
+                    .looks
+                    .get(latch.looks() % self.looks.len().max(1))
+                    .copied()?;
+                let request = Request::Read { address, count };
+                Some(Want {
+                    rank: Rank::Look,
+                    at: latch.look_at(),
+                    request,
+                })
+            });
         let trip = self.trips.wants().map(|(address, count)| Want {
             rank: Rank::Trip,
             at: MonoTime::ZERO,
@@ -52,7 +79,9 @@ impl DriveWork {
                 if self.current.is_none() {
                     self.current = self.waiting.pop_front();
                 }
-                let Some(execution) = &mut self.current else { return false };
+                let Some(execution) = &mut self.current else {
+                    return false;
+                };
                 if let Err(void) = execution.may_go(now, self.guard.stops()) {
                     self.void(void, out);
                     return false;
@@ -78,7 +107,15 @@ impl DriveWork {
 
     /// The exchange of `request` for the wish of `rank` is over. `doubt`: its reply may have been a late reply to another
     /// request.
-    pub fn ended(&mut self, rank: Rank, request: &Request, ending: &Ending, doubt: bool, now: MonoTime, out: Out<'_>) {
+    pub fn ended(
+        &mut self,
+        rank: Rank,
+        request: &Request,
+        ending: &Ending,
+        doubt: bool,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         let is_wanted = self.flight.take().is_some();
         self.has_changed = true;
         match rank {
@@ -118,7 +155,10 @@ impl DriveWork {
     /// The frame of the stop that is not effective yet, unless the drive is left to its watchdog at `now`.
     #[must_use]
     pub fn stop_frame(&self, now: MonoTime) -> Option<Request> {
-        self.latch.as_ref().filter(|latch| !latch.is_silent(now)).map(|latch| latch.frame().1)
+        self.latch
+            .as_ref()
+            .filter(|latch| !latch.is_silent(now))
+            .map(|latch| latch.frame().1)
     }
 
     /// Its stop was broadcast. Returns when the stop was accepted, if it had not been sent before.
@@ -132,7 +172,9 @@ impl DriveWork {
     }
 
     fn is_latched(&self, request: &Request) -> bool {
-        self.latch.as_ref().is_some_and(|latch| latch.frame().1 == *request)
+        self.latch
+            .as_ref()
+            .is_some_and(|latch| latch.frame().1 == *request)
     }
 
     /// The line is down, or another gateway's, as `reason` says: waiting work is not sent, the exchange on the wire is in doubt. A stop keeps waiting.
@@ -146,7 +188,12 @@ impl DriveWork {
         if let Some(latch) = &mut self.latch {
             latch.unanswered(now);
         }
-        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
+        for mut execution in self
+            .current
+            .take()
+            .into_iter()
+            .chain(std::mem::take(&mut self.waiting))
+        {
             let report = if execution.has_begun() {
                 Report::new(Outcome::Unknown, Reason::NoReply)
             } else {
@@ -162,19 +209,32 @@ impl DriveWork {
         let failed = Report::new(Outcome::Failed, Reason::KeptOldValue);
         let refused = match ending {
             Ending::Reply(Reply::Holds { value: held }) if *held != latch.order().word() => {
-                Some(Report { held: Some(*held), ..failed })
+                Some(Report {
+                    held: Some(*held),
+                    ..failed
+                })
             }
             // A busy drive has refused nothing.
-            Ending::Exception(code) if self.model.exception_kind(*code) == Some(ExceptionKind::Busy) => {
+            Ending::Exception(code)
+                if self.model.exception_kind(*code) == Some(ExceptionKind::Busy) =>
+            {
                 return latch.is_busy(now + BUSY_REST, now);
             }
             Ending::Exception(code) => {
                 let reason = reason_of(self.model.exception_kind(*code));
-                Some(Report { exception: Some(*code), reason, ..failed })
+                Some(Report {
+                    exception: Some(*code),
+                    reason,
+                    ..failed
+                })
             }
             _ => None,
         };
-        let kind = if latch.order().is_coast() { OrderKind::Coast } else { OrderKind::Stop };
+        let kind = if latch.order().is_coast() {
+            OrderKind::Coast
+        } else {
+            OrderKind::Stop
+        };
         let (report, is_final) = match ending {
             _ if refused.is_some() => {
                 self.is_stop_refused = true;
@@ -184,7 +244,10 @@ impl DriveWork {
                 if !doubt {
                     self.replaces(kind);
                 }
-                let report = self.latch.as_mut().and_then(|latch| latch.echoed(now, doubt));
+                let report = self
+                    .latch
+                    .as_mut()
+                    .and_then(|latch| latch.echoed(now, doubt));
                 (report, false)
             }
             Ending::Exception(_) | Ending::Garbled | Ending::Silent => {
@@ -216,28 +279,54 @@ impl DriveWork {
     }
 
     pub(super) fn step_ended(&mut self, ending: &Ending, now: MonoTime, out: Out<'_>) {
-        let Some(mut execution) = self.current.take() else { return };
-        let written: Vec<StepPart> = execution.present_writes().iter().map(|write| write.part).collect();
+        let Some(mut execution) = self.current.take() else {
+            return;
+        };
+        let written: Vec<StepPart> = execution
+            .present_writes()
+            .iter()
+            .map(|write| write.part)
+            .collect();
         let reads_identity = execution.reads_identity();
         let in_question = execution.parts_in_question();
         let mut next = match ending {
             Ending::Reply(reply) => execution.answered(reply, now),
             Ending::Exception(code) => execution.excepted(*code, self.model.exception_kind(*code)),
-            Ending::Silent => execution.silent_as_announced(now).unwrap_or_else(|| execution.unanswered()),
+            Ending::Silent => execution
+                .silent_as_announced(now)
+                .unwrap_or_else(|| execution.unanswered()),
             Ending::Garbled => execution.unanswered(),
         };
         if reads_identity && matches!((ending, next), (Ending::Reply(_), Next::Goes(_))) {
             self.guard.was_identified();
         }
         if matches!(ending, Ending::Garbled | Ending::Silent) {
-            written.iter().for_each(|part| self.part_in_doubt(*part, now));
+            written
+                .iter()
+                .for_each(|part| self.part_in_doubt(*part, now));
         }
-        if matches!(next, Next::Ends(Report { outcome: Outcome::Confirmed, .. })) {
-            in_question.into_iter().for_each(|part| self.part_taken(part, execution.owner(), execution.is_sure(), now));
+        if matches!(
+            next,
+            Next::Ends(Report {
+                outcome: Outcome::Confirmed,
+                ..
+            })
+        ) {
+            in_question.into_iter().for_each(|part| {
+                self.part_taken(part, execution.owner(), execution.is_sure(), now)
+            });
         }
-        let refused = matches!(next, Next::Ends(Report { outcome: Outcome::Failed, .. }));
+        let refused = matches!(
+            next,
+            Next::Ends(Report {
+                outcome: Outcome::Failed,
+                ..
+            })
+        );
         if matches!(ending, Ending::Reply(_)) && !refused {
-            written.into_iter().for_each(|part| self.part_taken(part, execution.owner(), execution.is_sure(), now));
+            written.into_iter().for_each(|part| {
+                self.part_taken(part, execution.owner(), execution.is_sure(), now)
+            });
         }
         if let (Next::Goes(report), Some((until, is_deaf))) = (next, execution.rest_at(now)) {
             if is_deaf {
@@ -274,9 +363,14 @@ impl DriveWork {
         }
         self.flight = None;
         let execution = self.current.as_ref();
-        let written: Vec<StepPart> =
-            execution.into_iter().flat_map(|execution| execution.present_writes()).map(|it| it.part).collect();
-        written.into_iter().for_each(|part| self.part_in_doubt(part, now));
+        let written: Vec<StepPart> = execution
+            .into_iter()
+            .flat_map(|execution| execution.present_writes())
+            .map(|it| it.part)
+            .collect();
+        written
+            .into_iter()
+            .for_each(|part| self.part_in_doubt(part, now));
     }
 
     fn part_in_doubt(&mut self, part: StepPart, now: MonoTime) {

@@ -49,13 +49,19 @@ impl DriveWork {
     /// The direction of the order to run that the drive has acknowledged. What else is on its way does not change it.
     fn order_in_force(&self) -> Option<Direction> {
         match self.guard.intent() {
-            RunIntent::Run(direction) if self.latch.is_none() && self.guard.is_run_acknowledged() => Some(direction),
+            RunIntent::Run(direction)
+                if self.latch.is_none() && self.guard.is_run_acknowledged() =>
+            {
+                Some(direction)
+            }
             _ => None,
         }
     }
 
     fn is_status_proven(&self) -> bool {
-        self.model.status_flag(Flag::Running).is_some_and(|flag| flag.confidence.is_proven())
+        self.model
+            .status_flag(Flag::Running)
+            .is_some_and(|flag| flag.confidence.is_proven())
     }
 
     /// The order is over. Nothing restarts the motor but a new one.

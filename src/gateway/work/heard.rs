@@ -64,9 +64,15 @@ impl DriveWork {
         // Its own order stands like one that was heard.
         let ordered = match self.guard.intent() {
             RunIntent::Run(direction) => Some(direction),
-            RunIntent::Stop | RunIntent::Coast => self.guard.last_direction().filter(|_| self.may_run_on),
+            RunIntent::Stop | RunIntent::Coast => {
+                self.guard.last_direction().filter(|_| self.may_run_on)
+            }
         };
-        let others = if self.is_moving() { HeardOrder::Elsewhere } else { HeardOrder::Nothing };
+        let others = if self.is_moving() {
+            HeardOrder::Elsewhere
+        } else {
+            HeardOrder::Nothing
+        };
         self.heard = ordered.map_or(others, |direction| HeardOrder::Run(direction, now));
         self.may_run_on = false;
         self.unsettled = None;
@@ -98,7 +104,10 @@ impl DriveWork {
             }
             HeardOrder::Elsewhere if goes_on => {}
             HeardOrder::Stop { .. } | HeardOrder::Nothing | HeardOrder::Elsewhere => {
-                self.unsettled = Some(Unsettled { goes_on, until: now + SHOWS_PANEL_WITHIN });
+                self.unsettled = Some(Unsettled {
+                    goes_on,
+                    until: now + SHOWS_PANEL_WITHIN,
+                });
                 self.settle(now, out);
             }
         }
@@ -107,8 +116,11 @@ impl DriveWork {
     /// Decides what follows for a drive that may run by an order that nobody remembers, as soon as that can be seen. A drive
     /// that shows that it obeys its panel or terminals is left alone.
     pub(super) fn settle(&mut self, now: MonoTime, out: Out<'_>) {
-        let Some(Unsettled { goes_on, until }) = self.unsettled else { return };
-        let is_ordered_here = self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
+        let Some(Unsettled { goes_on, until }) = self.unsettled else {
+            return;
+        };
+        let is_ordered_here =
+            self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
         if is_ordered_here || self.is_at_standstill() {
             self.unsettled = None;
             return;
@@ -126,7 +138,9 @@ impl DriveWork {
 
     /// The active gateway tells at `at` by which order the drive runs; `None`: it was not started over the line.
     pub fn order_told(&mut self, order: Option<Direction>, at: MonoTime) {
-        self.heard = order.map_or(HeardOrder::Elsewhere, |direction| HeardOrder::Run(direction, at));
+        self.heard = order.map_or(HeardOrder::Elsewhere, |direction| {
+            HeardOrder::Run(direction, at)
+        });
         self.has_changed = true;
     }
 
@@ -138,7 +152,9 @@ impl DriveWork {
         match self.guard.intent() {
             RunIntent::Run(direction) => Some(Some(direction)),
             RunIntent::Stop | RunIntent::Coast if self.is_stopping => None,
-            RunIntent::Stop | RunIntent::Coast if self.may_run_on => Some(self.guard.last_direction()),
+            RunIntent::Stop | RunIntent::Coast if self.may_run_on => {
+                Some(self.guard.last_direction())
+            }
             RunIntent::Stop | RunIntent::Coast => self.is_moving().then_some(None),
         }
     }
@@ -146,18 +162,29 @@ impl DriveWork {
     /// Whether the drive runs, and this listener does not know by which order.
     #[must_use]
     pub fn lacks_order(&self) -> bool {
-        let is_known = !matches!(self.heard, HeardOrder::Nothing) || self.ordered_direction().is_some();
-        let runs = self.guard.control().is_some() && self.is_moving() && self.status_view().is_local() != Some(true);
+        let is_known =
+            !matches!(self.heard, HeardOrder::Nothing) || self.ordered_direction().is_some();
+        let runs = self.guard.control().is_some()
+            && self.is_moving()
+            && self.status_view().is_local() != Some(true);
         runs && self.latch.is_none() && !is_known
     }
 
     /// When [`Self::settle`] is due at the latest.
     pub(super) fn settles_at(&self) -> Option<MonoTime> {
-        self.unsettled.filter(|_| self.is_moving()).map(|unsettled| unsettled.until)
+        self.unsettled
+            .filter(|_| self.is_moving())
+            .map(|unsettled| unsettled.until)
     }
 
     /// The drive is ordered to run, in `direction` if that is known, and the gateway that ordered it is lost.
-    fn runs_on(&mut self, direction: Option<Direction>, goes_on: bool, now: MonoTime, out: Out<'_>) {
+    fn runs_on(
+        &mut self,
+        direction: Option<Direction>,
+        goes_on: bool,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         let lost = self.guard.gateway_left(direction, goes_on, now);
         self.gateway_lost(lost, now, out);
     }
@@ -180,7 +207,14 @@ impl DriveWork {
 
     /// The direction in which the drive shows that it runs.
     fn ordered_direction(&self) -> Option<Direction> {
-        let is_reverse = self.status.get(Flag::Reverse).filter(|_| self.status.is_running() == Some(true))?;
-        Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
+        let is_reverse = self
+            .status
+            .get(Flag::Reverse)
+            .filter(|_| self.status.is_running() == Some(true))?;
+        Some(if is_reverse {
+            Direction::Reverse
+        } else {
+            Direction::Forward
+        })
     }
 }

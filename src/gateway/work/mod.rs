@@ -264,14 +264,24 @@ impl DriveWork {
 
     /// The direction in which the motor turns, if the drive shows it.
     fn turns(&self) -> Option<Direction> {
-        let is_reverse = self.status.get(Flag::Reverse).filter(|_| self.is_moving())?;
-        Some(if is_reverse { Direction::Reverse } else { Direction::Forward })
+        let is_reverse = self
+            .status
+            .get(Flag::Reverse)
+            .filter(|_| self.is_moving())?;
+        Some(if is_reverse {
+            Direction::Reverse
+        } else {
+            Direction::Forward
+        })
     }
 
     /// Status flags other than the run state.
     #[must_use]
     pub fn status_view(&self) -> StatusView {
-        let bus = self.guard.control().map_or(BusFunctions::Both, |control| control.bus);
+        let bus = self
+            .guard
+            .control()
+            .map_or(BusFunctions::Both, |control| control.bus);
         self.status.view().of(bus)
     }
 
@@ -306,7 +316,8 @@ impl DriveWork {
     /// Whether a stop is not effective yet, or a reset has begun but not ended: its last word clears it.
     #[must_use]
     pub fn must_go_on(&self) -> bool {
-        let resets = |execution: &Execution| *execution.order() == Order::Reset && execution.has_begun();
+        let resets =
+            |execution: &Execution| *execution.order() == Order::Reset && execution.has_begun();
         self.latch.is_some() || self.current.as_ref().is_some_and(resets)
     }
 
@@ -357,7 +368,13 @@ impl DriveWork {
         }
     }
 
-    pub(super) fn tell(&mut self, waiter: &mut Waiter, report: Report, is_final: bool, out: Out<'_>) {
+    pub(super) fn tell(
+        &mut self,
+        waiter: &mut Waiter,
+        report: Report,
+        is_final: bool,
+        out: Out<'_>,
+    ) {
         if waiter.number() == Some(self.commands) {
             self.last = Some(report);
         }

@@ -26,14 +26,20 @@ impl DriveWork {
             }
             return;
         }
-        let (Some(output), Some(control)) = (self.output_frequency(), self.guard.control()) else { return };
+        let (Some(output), Some(control)) = (self.output_frequency(), self.guard.control()) else {
+            return;
+        };
         // Where the status shows that the motor runs, it shows as well when it does not.
         if output == Hertz::ZERO && self.model.status_flag(Flag::Running).is_some() {
             return;
         }
         let (least, most) = (control.least, control.most);
         // Where the setpoint comes from elsewhere, or is not known, the limits are all that is known.
-        let ordered = if control.bus.has_frequency() { self.guard.setpoint() } else { None };
+        let ordered = if control.bus.has_frequency() {
+            self.guard.setpoint()
+        } else {
+            None
+        };
         let wanted = ordered.unwrap_or(output.clamp(least, most));
         match self.outside.take(output, wanted, most, now) {
             Found::Right if self.outside.is_told => self.is_right_again(out),
@@ -52,10 +58,23 @@ impl DriveWork {
         self.has_changed = true;
         self.guard.output_is_outside(true);
         let is_scale_typed = self.model.needs_full_scale();
-        out.push_back(Effect::Note(self.drive, Note::OutputOutside { output, wanted, is_scale_typed }));
-        if self.guard.control().is_some_and(|it| it.on_output_outside == OnOutputOutside::Stop) {
+        out.push_back(Effect::Note(
+            self.drive,
+            Note::OutputOutside {
+                output,
+                wanted,
+                is_scale_typed,
+            },
+        ));
+        if self
+            .guard
+            .control()
+            .is_some_and(|it| it.on_output_outside == OnOutputOutside::Stop)
+        {
             let owner = self.guard.lease().map(|(owner, _)| owner);
-            let lost = self.guard.ends(owner, FailSafe::Stop, Cause::OutputOutside, now);
+            let lost = self
+                .guard
+                .ends(owner, FailSafe::Stop, Cause::OutputOutside, now);
             self.fail_safe(lost, now, out);
         }
     }

@@ -37,9 +37,14 @@ impl Distance {
     /// Takes the `distance` at `now`. Returns for how long it has not become shorter.
     fn take(watch: &mut Option<Self>, distance: u32, now: MonoTime) -> Duration {
         match watch {
-            Some(it) if distance.saturating_add(NEARER_MILLIHERTZ) >= it.shortest => now.since(it.since),
+            Some(it) if distance.saturating_add(NEARER_MILLIHERTZ) >= it.shortest => {
+                now.since(it.since)
+            }
             _ => {
-                *watch = Some(Self { shortest: distance, since: now });
+                *watch = Some(Self {
+                    shortest: distance,
+                    since: now,
+                });
                 Duration::ZERO
             }
         }
@@ -66,10 +71,19 @@ impl Outside {
     }
 
     /// Takes a reading of an output that should be at `wanted`, and never above `most`.
-    pub(super) fn take(&mut self, output: Hertz, wanted: Hertz, most: Hertz, now: MonoTime) -> Found {
+    pub(super) fn take(
+        &mut self,
+        output: Hertz,
+        wanted: Hertz,
+        most: Hertz,
+        now: MonoTime,
+    ) -> Found {
         let [output, most] = [output, most].map(Hertz::millihertz);
         let tolerated = tolerance(wanted.millihertz());
-        if self.wanted.is_none_or(|before| before.millihertz().abs_diff(wanted.millihertz()) > tolerated) {
+        if self
+            .wanted
+            .is_none_or(|before| before.millihertz().abs_diff(wanted.millihertz()) > tolerated)
+        {
             self.wanted = Some(wanted);
             self.from_setpoint = None;
         }
@@ -85,7 +99,11 @@ impl Outside {
             return Found::Right;
         }
         let away_for = Distance::take(&mut self.from_setpoint, distance, now);
-        if above_for >= ABOVE_FOR || away_for >= AWAY_FOR { Found::Outside } else { Found::Unsure }
+        if above_for >= ABOVE_FOR || away_for >= AWAY_FOR {
+            Found::Outside
+        } else {
+            Found::Unsure
+        }
     }
 }
 

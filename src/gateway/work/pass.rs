@@ -43,18 +43,38 @@ impl DriveWork {
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let control = self.guard.control();
-        let stop = self.latch.as_ref().zip(control).and_then(|(latch, control)| latch.next_wake(control));
-        let current = self.current.as_ref().filter(|execution| !execution.has_begun() && self.flight.is_none());
-        let executions = current.into_iter().chain(&self.waiting).map(Execution::start_before).min();
-        let opening = self.opening.map(|opening| opening.until);
-        [self.guard.next_wake(), stop, self.left_at(), executions, opening, self.settles_at()]
+        let stop = self
+            .latch
+            .as_ref()
+            .zip(control)
+            .and_then(|(latch, control)| latch.next_wake(control));
+        let current = self
+            .current
+            .as_ref()
+            .filter(|execution| !execution.has_begun() && self.flight.is_none());
+        let executions = current
             .into_iter()
-            .flatten()
-            .min()
+            .chain(&self.waiting)
+            .map(Execution::start_before)
+            .min();
+        let opening = self.opening.map(|opening| opening.until);
+        [
+            self.guard.next_wake(),
+            stop,
+            self.left_at(),
+            executions,
+            opening,
+            self.settles_at(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 
     pub(super) fn pass_stop(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
-        let (Some(latch), Some(control)) = (&mut self.latch, self.guard.control()) else { return };
+        let (Some(latch), Some(control)) = (&mut self.latch, self.guard.control()) else {
+            return;
+        };
         let turn = latch.pass(now, is_offline, control);
         let note = match turn {
             Turn::None => return,
@@ -76,11 +96,18 @@ impl DriveWork {
 
     /// A stop that had no effect is not sent any more; those who wait for it get `report`. An equal one is a new one.
     pub(super) fn drop_stop(&mut self, report: Report, out: Out<'_>) {
-        let Some(mut latch) = self.latch.take() else { return };
+        let Some(mut latch) = self.latch.take() else {
+            return;
+        };
         self.is_stopping = false;
         let over = self.guard.stop_is_over(false);
         self.fail_safe_came(over, out);
-        out.keep(self.drive, Entry::StopOver { is_effective: false });
+        out.keep(
+            self.drive,
+            Entry::StopOver {
+                is_effective: false,
+            },
+        );
         for mut waiter in std::mem::take(latch.waiters()) {
             self.tell(&mut waiter, report, true, out);
         }
@@ -88,19 +115,32 @@ impl DriveWork {
 
     pub(super) fn expire_lists(&mut self, now: MonoTime, out: Out<'_>) {
         if self.flight.is_none()
-            && self.current.as_ref().is_some_and(|execution| !execution.has_begun() && now >= execution.start_before())
+            && self
+                .current
+                .as_ref()
+                .is_some_and(|execution| !execution.has_begun() && now >= execution.start_before())
         {
             self.void(Void::TooLate, out);
         }
-        while let Some(at) = self.waiting.iter().position(|execution| now >= execution.start_before()) {
+        while let Some(at) = self
+            .waiting
+            .iter()
+            .position(|execution| now >= execution.start_before())
+        {
             if let Some(mut execution) = self.waiting.remove(at) {
-                self.finish(&mut execution, Report::new(Outcome::Expired, Reason::TooLate), out);
+                self.finish(
+                    &mut execution,
+                    Report::new(Outcome::Expired, Reason::TooLate),
+                    out,
+                );
             }
         }
     }
 
     pub(super) fn void(&mut self, void: Void, out: Out<'_>) {
-        let Some(mut execution) = self.current.take() else { return };
+        let Some(mut execution) = self.current.take() else {
+            return;
+        };
         let report = match void {
             Void::Stopped => Report::new(Outcome::Superseded, Reason::Stopped),
             Void::TooLate => Report::new(Outcome::Expired, Reason::TooLate),

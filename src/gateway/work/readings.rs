@@ -27,7 +27,14 @@ pub struct Reading {
 
 impl DriveWork {
     /// Words came from `address` on, for whatever reason they were read.
-    pub fn take_words(&mut self, address: Address, words: &[u16], reading: Reading, now: MonoTime, out: Out<'_>) {
+    pub fn take_words(
+        &mut self,
+        address: Address,
+        words: &[u16],
+        reading: Reading,
+        now: MonoTime,
+        out: Out<'_>,
+    ) {
         self.has_changed = true;
         if reading.is_its_own
             && let Some(changed) = self.guard.take_bases(address, words, reading.at)
@@ -49,14 +56,21 @@ impl DriveWork {
             // The drive was started again, and not from here.
             let is_started = running && (ran == Some(false) || self.is_turned_round());
             self.is_stopping &= self.latch.is_some() || !is_started;
-            if self.latch.as_mut().is_some_and(|latch| latch.shows(running, now)) {
+            if self
+                .latch
+                .as_mut()
+                .is_some_and(|latch| latch.shows(running, now))
+            {
                 self.effective(out);
             }
         }
         if let Some(state) = self.status.take_undocumented() {
             out.push_back(Effect::Note(self.drive, Note::Undocumented(state)));
         }
-        let output = self.output_register.as_ref().and_then(|register| register.steps(address, words));
+        let output = self
+            .output_register
+            .as_ref()
+            .and_then(|register| register.steps(address, words));
         let output = output.filter(|_| self.impossible_output(address, words).is_none());
         if let Some(raw) = output {
             self.take_output(raw, reading.at, now, out);
@@ -90,12 +104,16 @@ impl DriveWork {
 
     /// The output frequency of the last reading.
     pub(super) fn output_frequency(&self) -> Option<Hertz> {
-        self.output_register.as_ref()?.frequency(self.output.raw()?, self.guard.bases())
+        self.output_register
+            .as_ref()?
+            .frequency(self.output.raw()?, self.guard.bases())
     }
 
     /// The steps of the output in a hertz.
     pub(super) fn steps_per_hertz(&self) -> u32 {
-        self.output_register.as_ref().map_or(1, |register| register.steps_per_hertz(self.guard.bases()))
+        self.output_register
+            .as_ref()
+            .map_or(1, |register| register.steps_per_hertz(self.guard.bases()))
     }
 
     /// The register of the output frequency, if `words` show more there than the drive can do: such a reading proves
@@ -103,7 +121,11 @@ impl DriveWork {
     pub fn impossible_output(&self, address: Address, words: &[u16]) -> Option<Address> {
         let register = self.output_register.as_ref()?;
         let shown = register.frequency(register.steps(address, words)?, self.guard.bases())?;
-        let most = self.guard.control().map_or(Hertz::ZERO, |control| control.most).max(register.range());
+        let most = self
+            .guard
+            .control()
+            .map_or(Hertz::ZERO, |control| control.most)
+            .max(register.range());
         (shown > most.doubled()).then(|| register.address())
     }
 
@@ -120,7 +142,11 @@ impl DriveWork {
             let runs = self.status.is_running() == Some(true);
             let noise = u16::try_from(self.steps_per_hertz() / NOISE_PER_HERTZ).unwrap_or(u16::MAX);
             let least_fall = noise.max(LEAST_FALL);
-            if self.latch.as_mut().is_some_and(|latch| latch.takes_effect(raw, runs, least_fall, now)) {
+            if self
+                .latch
+                .as_mut()
+                .is_some_and(|latch| latch.takes_effect(raw, runs, least_fall, now))
+            {
                 self.effective(out);
             }
         }
@@ -137,17 +163,23 @@ impl DriveWork {
         if !self.is_stopping || self.latch.is_some() || self.status.is_running() == Some(false) {
             return;
         }
-        let Some(control) = self.guard.control() else { return };
+        let Some(control) = self.guard.control() else {
+            return;
+        };
         if self.output.has_risen(self.steps_per_hertz()) {
             self.is_stopping = false;
         } else if self.output.has_settled(control.stop_effect_timeout) {
-            let Some(order) = self.guard.stop_again() else { return };
+            let Some(order) = self.guard.stop_again() else {
+                return;
+            };
             self.stop(order, None, now, out);
         }
     }
 
     pub(super) fn effective(&mut self, out: Out<'_>) {
-        let Some(mut latch) = self.latch.take() else { return };
+        let Some(mut latch) = self.latch.take() else {
+            return;
+        };
         if latch.is_acknowledged() {
             self.guard.stop_was_effective();
             self.may_run_on = false;
@@ -166,13 +198,20 @@ impl DriveWork {
             out.push_back(Effect::Note(self.drive, Note::EffectiveAtLast));
         }
         for mut waiter in std::mem::take(latch.waiters()) {
-            self.tell(&mut waiter, Report::new(Outcome::Confirmed, Reason::None), true, out);
+            self.tell(
+                &mut waiter,
+                Report::new(Outcome::Confirmed, Reason::None),
+                true,
+                out,
+            );
         }
     }
 
     pub(super) fn trip(&mut self, events: impl IntoIterator<Item = TripEvent>, out: Out<'_>) {
         let events = Vec::from_iter(events);
-        let is_told = events.iter().any(|event| event.kind != TripEventKind::Cleared);
+        let is_told = events
+            .iter()
+            .any(|event| event.kind != TripEventKind::Cleared);
         let is_tripped = self.trips.view().active == Some(true);
         if is_told || (is_tripped && self.guard.intent() != RunIntent::Stop) {
             // A trip ends all orders: after a reset a new order is required.
@@ -181,6 +220,8 @@ impl DriveWork {
         }
         self.count_trips(&events, out);
         self.keep_trips(&events, out);
-        events.into_iter().for_each(|event| out.push_back(Effect::Trip(self.drive, event)));
+        events
+            .into_iter()
+            .for_each(|event| out.push_back(Effect::Trip(self.drive, event)));
     }
 }

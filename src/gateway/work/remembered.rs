@@ -25,13 +25,19 @@ impl DriveWork {
         self.remember_records(remembered);
         if let Some(lease) = remembered.lease {
             self.said_owner = Some((lease.owner, true));
-            self.guard.remember_lease_listening(lease, now, SIGNALS_WITHIN);
+            self.guard
+                .remember_lease_listening(lease, now, SIGNALS_WITHIN);
         }
     }
 
     /// This gateway takes the line, and no other one was heard since the start: restores what was ordered. Returns whether
     /// control has an owner.
-    pub fn remember_on_line(&mut self, remembered: &Remembered, now: MonoTime, out: Out<'_>) -> bool {
+    pub fn remember_on_line(
+        &mut self,
+        remembered: &Remembered,
+        now: MonoTime,
+        out: Out<'_>,
+    ) -> bool {
         self.remember_orders(remembered, now, out);
         self.guard.awaited_since_start();
         self.guard.lease().is_some()
@@ -39,7 +45,8 @@ impl DriveWork {
 
     /// Restores what does not depend on who sends on the line: trips and sums.
     fn remember_records(&mut self, remembered: &Remembered) {
-        self.trips = std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
+        self.trips =
+            std::mem::take(&mut self.trips).remembering(remembered.trips.unwrap_or_default());
         self.kept.remember(remembered);
         self.usage.remember(remembered.usage);
     }
@@ -57,7 +64,12 @@ impl DriveWork {
             // Its control section is gone, or the drive was replaced.
             None => {
                 out.push_back(Effect::Note(self.drive, Note::StopDropped));
-                out.keep(self.drive, Entry::StopOver { is_effective: false });
+                out.keep(
+                    self.drive,
+                    Entry::StopOver {
+                        is_effective: false,
+                    },
+                );
             }
         }
     }

@@ -34,16 +34,22 @@ impl DriveWork {
     /// motor turns: the next trip would be reset by it.
     pub(super) fn take_reset_back(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
         let is_apart = !self.model.replaces_reset(OrderKind::Stop);
-        let is_busy = self.latch.is_some() || self.current.is_some() || !(is_apart || self.waiting.is_empty());
-        let is_at_rest = self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
+        let is_busy = self.latch.is_some()
+            || self.current.is_some()
+            || !(is_apart || self.waiting.is_empty());
+        let is_at_rest =
+            self.is_at_standstill() && !matches!(self.guard.intent(), RunIntent::Run(_));
         let may_go = if is_apart { !is_offline } else { is_at_rest };
         if is_busy || !may_go || !self.reset.is_due(now) {
             return;
         }
         self.reset.attempt(now);
-        let Some(approved) = self.guard.take_reset_back() else { return };
+        let Some(approved) = self.guard.take_reset_back() else {
+            return;
+        };
         out.push_back(Effect::Note(self.drive, Note::ResetTakenBack));
-        self.waiting.push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
+        self.waiting
+            .push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
     }
 
     /// The word of the order `kind` was written: it replaces the reset word where both are in one register.

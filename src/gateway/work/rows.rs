@@ -45,7 +45,12 @@ impl DurableTrips {
         self.code_before = remembered.last_code;
         let total = self.total_before;
         let last_code = self.code_before;
-        self.pictures = Durable::new(KeptTrips { count: self.said.count, total, last: None, last_code });
+        self.pictures = Durable::new(KeptTrips {
+            count: self.said.count,
+            total,
+            last: None,
+            last_code,
+        });
     }
 }
 
@@ -65,7 +70,10 @@ impl DriveWork {
 
     /// Records a change of control. Returns its row, if any.
     pub fn keep_lease(&mut self, out: Out<'_>) -> Option<RowNumber> {
-        let owner = self.guard.lease().map(|(owner, _)| (owner, self.guard.is_orphaned()));
+        let owner = self
+            .guard
+            .lease()
+            .map(|(owner, _)| (owner, self.guard.is_orphaned()));
         if owner == self.said_owner {
             return None;
         }
@@ -85,7 +93,10 @@ impl DriveWork {
 
     /// Delays the accepted order until `row` is durable.
     pub(super) fn opens_behind(&mut self, row: RowNumber, now: MonoTime) {
-        self.opening = Some(Opening { row, until: now + WAIT_MAX });
+        self.opening = Some(Opening {
+            row,
+            until: now + WAIT_MAX,
+        });
     }
 
     /// When `execution` may begin, as far as the journal is concerned.
@@ -96,7 +107,10 @@ impl DriveWork {
 
     /// Ends the wait for the journal once it has lasted too long.
     pub(super) fn pass_opening(&mut self, now: MonoTime, out: Out<'_>) {
-        let is_over = self.opening.take_if(|opening| now >= opening.until).is_some();
+        let is_over = self
+            .opening
+            .take_if(|opening| now >= opening.until)
+            .is_some();
         if is_over && self.current.iter().chain(&self.waiting).any(waits_for_row) {
             out.push_back(Effect::Note(self.drive, Note::JournalSlow));
         }
@@ -107,7 +121,10 @@ impl DriveWork {
         let baseline = self.trips.baseline();
         let is_other = std::mem::replace(&mut self.kept.said, baseline) != baseline;
         let moved = (events.is_empty() && is_other).then_some(Entry::Baseline(baseline));
-        let entries = events.iter().map(|event| Entry::Trip(event.clone(), baseline)).chain(moved);
+        let entries = events
+            .iter()
+            .map(|event| Entry::Trip(event.clone(), baseline))
+            .chain(moved);
         let mut row = None;
         for entry in entries {
             row = out.keep(self.drive, entry);
@@ -119,9 +136,23 @@ impl DriveWork {
 
     /// The line is left: work in progress ends here.
     pub fn end_attempts(&mut self, out: Out<'_>) {
-        for mut execution in self.current.take().into_iter().chain(std::mem::take(&mut self.waiting)) {
-            let outcome = if execution.has_begun() { Outcome::Unknown } else { Outcome::Refused };
-            self.tell(execution.waiter(), Report::new(outcome, Reason::ShuttingDown), true, out);
+        for mut execution in self
+            .current
+            .take()
+            .into_iter()
+            .chain(std::mem::take(&mut self.waiting))
+        {
+            let outcome = if execution.has_begun() {
+                Outcome::Unknown
+            } else {
+                Outcome::Refused
+            };
+            self.tell(
+                execution.waiter(),
+                Report::new(outcome, Reason::ShuttingDown),
+                true,
+                out,
+            );
         }
         let unread = self.trips.tell_unread();
         self.trip(unread, out);
@@ -142,8 +173,17 @@ impl DurableTrips {
         let count = if keeps { self.said.count } else { view.count };
         let total = self.total_before.saturating_add(view.seen);
         let is_shown = newest.count == count && newest.total == total && newest.last == view.last;
-        let last_code = || view.last.as_ref().map_or(self.code_before, |last| last.code);
-        (!is_shown).then(|| KeptTrips { count, total, last: view.last.clone(), last_code: last_code() })
+        let last_code = || {
+            view.last
+                .as_ref()
+                .map_or(self.code_before, |last| last.code)
+        };
+        (!is_shown).then(|| KeptTrips {
+            count,
+            total,
+            last: view.last.clone(),
+            last_code: last_code(),
+        })
     }
 }
 

@@ -20,8 +20,16 @@ impl DriveWork {
     pub fn confirm_standstill(&mut self, owner: Owner, out: Out<'_>) {
         if self.sight.confirmed() {
             self.has_changed = true;
-            out.push_back(Effect::Note(self.drive, Note::StandstillConfirmed { by: owner }));
-            out.keep(self.drive, Entry::InSight { confirmed_by: Some(owner) });
+            out.push_back(Effect::Note(
+                self.drive,
+                Note::StandstillConfirmed { by: owner },
+            ));
+            out.keep(
+                self.drive,
+                Entry::InSight {
+                    confirmed_by: Some(owner),
+                },
+            );
         }
     }
 
@@ -40,7 +48,9 @@ impl DriveWork {
         self.output_out_of_sight();
         self.status_at = None;
         self.guard.forget_bases();
-        self.answered.iter_mut().for_each(|it| it.out_of_sight(out.now()));
+        self.answered
+            .iter_mut()
+            .for_each(|it| it.out_of_sight(out.now()));
         // Whatever it does when it is back, no ramp of our stop explains it.
         self.is_stopping &= self.latch.is_some();
         self.latch.iter_mut().for_each(StopLatch::out_of_sight);

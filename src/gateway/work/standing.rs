@@ -16,11 +16,17 @@ pub(super) struct Standing {
 
 impl Standing {
     /// No word stands.
-    pub const NONE: Self = Self { stands: false, again_at: MonoTime::ZERO };
+    pub const NONE: Self = Self {
+        stands: false,
+        again_at: MonoTime::ZERO,
+    };
 
     /// It was sent: it may be taken back at once.
     pub const fn was_sent(&mut self) {
-        *self = Self { stands: true, ..Self::NONE };
+        *self = Self {
+            stands: true,
+            ..Self::NONE
+        };
     }
 
     /// Whether it is to be taken back at `now`.

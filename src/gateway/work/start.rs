@@ -21,13 +21,17 @@ impl DriveWork {
     /// The drive shows that it runs: the effect of the run word, if that was the last word sent.
     pub(super) fn runs_now(&mut self) {
         let runs = |execution: &Execution| matches!(execution.order(), Order::Go(go) if go.run().is_some());
-        let shows_it = self.current.as_ref().is_some_and(|execution| runs(execution) && execution.is_reading_back());
+        let shows_it = self
+            .current
+            .as_ref()
+            .is_some_and(|execution| runs(execution) && execution.is_reading_back());
         self.start.stands &= !shows_it;
     }
 
     /// The word of the order `kind` was written: it replaces that of a start where both are in one register.
     pub(super) fn replaces_start(&mut self, kind: OrderKind) {
-        let is_same = self.model.order_address(kind) == self.model.order_address(OrderKind::Forward);
+        let is_same =
+            self.model.order_address(kind) == self.model.order_address(OrderKind::Forward);
         self.start.stands &= !is_same;
     }
 
@@ -45,8 +49,11 @@ impl DriveWork {
         }
         self.start.attempt(now);
         self.cut_motion(Reason::NotReady, out);
-        let Some(approved) = self.guard.take_start_back(now) else { return };
+        let Some(approved) = self.guard.take_start_back(now) else {
+            return;
+        };
         out.push_back(Effect::Note(self.drive, Note::StartTakenBack));
-        self.waiting.push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
+        self.waiting
+            .push_front(Execution::new(approved, Waiter::of_nobody(self.drive)));
     }
 }

@@ -20,7 +20,11 @@ impl Sums {
     /// Nothing used so far.
     pub fn new(model: &Model, pace: Pace) -> Self {
         let totals = Durable::new(UsageTotals::default());
-        Self { meter: UsageMeter::new(model, pace), parts: UsageParts::of(model), totals }
+        Self {
+            meter: UsageMeter::new(model, pace),
+            parts: UsageParts::of(model),
+            totals,
+        }
     }
 
     /// Continues from what an earlier process has kept.
@@ -31,6 +35,9 @@ impl Sums {
 
     /// What is shown.
     pub const fn view(&self) -> UsageView {
-        UsageView { parts: self.parts, totals: *self.totals.shown() }
+        UsageView {
+            parts: self.parts,
+            totals: *self.totals.shown(),
+        }
     }
 }

@@ -31,7 +31,11 @@ impl DriveWork {
     /// Whether the motor turns or the drive is ordered to run; `None` if that is not known.
     fn runs(&self) -> Option<bool> {
         let is_at_rest = self.status.is_running() == Some(false) || self.output.raw() == Some(0);
-        if self.is_moving() { Some(true) } else { is_at_rest.then_some(false) }
+        if self.is_moving() {
+            Some(true)
+        } else {
+            is_at_rest.then_some(false)
+        }
     }
 
     /// Counts the trips of `events`. The sums are kept before them, so that the journal knows the running time of a trip.

@@ -14,7 +14,8 @@ impl DriveWork {
         } else if self.trips.view().active == Some(true) {
             RunState::Tripped
         } else {
-            self.output.run_state(&self.status, self.ordered(), self.is_stopping)
+            self.output
+                .run_state(&self.status, self.ordered(), self.is_stopping)
         }
     }
 
@@ -30,14 +31,19 @@ impl DriveWork {
             start_inhibited: guard.is_start_inhibited(),
             command_pending: self.has_orders(),
             stop_pending: self.latch.is_some(),
-            not_effective: self.latch.as_ref().is_some_and(|latch| latch.is_late() || latch.is_refused()),
+            not_effective: self
+                .latch
+                .as_ref()
+                .is_some_and(|latch| latch.is_late() || latch.is_refused()),
             output_outside: self.outside.is_told,
             stopped_elsewhere: self.is_stopped_elsewhere,
             failsafe: guard.fail_safe(),
             epoch: guard.epoch(),
             last: self.last,
             commands: self.commands,
-            stopped_again: self.again.filter(|again| again.times >= StoppedAgain::TOLD_FROM),
+            stopped_again: self
+                .again
+                .filter(|again| again.times >= StoppedAgain::TOLD_FROM),
         })
     }
 }

@@ -43,7 +43,11 @@ impl DriveWork {
     /// A declared stop has no effect, and any frame keeps the drive's watchdog from acting: nothing is sent to the drive
     /// until the watchdog must have acted.
     pub(super) fn leave_to_watchdog(&mut self, now: MonoTime, out: Out<'_>) {
-        let Some(after) = self.watchdog.stops_after().filter(|_| self.left_at().is_some_and(|at| at <= now)) else {
+        let Some(after) = self
+            .watchdog
+            .stops_after()
+            .filter(|_| self.left_at().is_some_and(|at| at <= now))
+        else {
             return;
         };
         let until = now + after + MARGIN;

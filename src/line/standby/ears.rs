@@ -24,7 +24,12 @@ pub(super) struct Ears {
 
 impl Ears {
     /// Nothing is known.
-    pub const NEW: Self = Self { sound_at: MonoTime::ZERO, misses: 0, silences: 0, is_proven: false };
+    pub const NEW: Self = Self {
+        sound_at: MonoTime::ZERO,
+        misses: 0,
+        silences: 0,
+        is_proven: false,
+    };
 
     /// The line was taken at `now`.
     pub const fn taken(&mut self, now: MonoTime) {
@@ -33,7 +38,12 @@ impl Ears {
 
     /// A drive has answered at `now`.
     pub const fn answered(&mut self, now: MonoTime) {
-        *self = Self { sound_at: now, misses: 0, silences: 0, is_proven: true };
+        *self = Self {
+            sound_at: now,
+            misses: 0,
+            silences: 0,
+            is_proven: true,
+        };
     }
 
     /// A sound frame of others was heard.
@@ -50,7 +60,8 @@ impl Ears {
     pub fn silent_at(&self) -> Option<MonoTime> {
         let goes_on = self.silences > 0 && self.is_proven;
         // Silent drives are asked less and less often: once it is in doubt, it does not wait for that.
-        ((self.misses >= MISSES || self.are_in_doubt()) && !goes_on).then(|| self.sound_at + DEAF_AFTER)
+        ((self.misses >= MISSES || self.are_in_doubt()) && !goes_on)
+            .then(|| self.sound_at + DEAF_AFTER)
     }
 
     /// It falls silent. Returns how long at least, with a silence for a take-over of `take_over_after`.

@@ -16,7 +16,10 @@ pub struct Knowledge {
 
 impl Knowledge {
     /// Nothing was missed.
-    pub(super) const NEW: Self = Self { attentive_from: MonoTime::ZERO, informed_from: MonoTime::ZERO };
+    pub(super) const NEW: Self = Self {
+        attentive_from: MonoTime::ZERO,
+        informed_from: MonoTime::ZERO,
+    };
 
     /// Whether what it receives at `now` came just now.
     pub(super) fn is_attentive(&self, now: MonoTime) -> bool {
@@ -33,7 +36,11 @@ impl Knowledge {
     /// other gateway is there to see to it.
     #[must_use]
     pub fn stops_from(&self, is_declared: bool) -> MonoTime {
-        if is_declared { self.attentive_from.max(self.informed_from) } else { self.attentive_from }
+        if is_declared {
+            self.attentive_from.max(self.informed_from)
+        } else {
+            self.attentive_from
+        }
     }
 
     /// It begins to listen at `now`: what it receives first may have waited.
@@ -48,7 +55,12 @@ impl Knowledge {
 
     /// It may have missed what was sent up to `now`. The line was last in use at `used_at`, and another gateway takes it only
     /// after more silence than `silent_at_most`.
-    pub(super) fn missed(&mut self, used_at: Option<MonoTime>, now: MonoTime, silent_at_most: Duration) {
+    pub(super) fn missed(
+        &mut self,
+        used_at: Option<MonoTime>,
+        now: MonoTime,
+        silent_at_most: Duration,
+    ) {
         if used_at.is_none_or(|at| now.since(at) >= silent_at_most) {
             self.informed_from = now + SIGNALS_WITHIN;
         }

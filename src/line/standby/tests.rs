@@ -11,15 +11,21 @@ const MS: fn(u64) -> Duration = Duration::from_millis;
 fn timing(baud: u32) -> Timing {
     let catalog = vendors::catalog();
     let model = catalog.find("hyundai-n700").unwrap();
-    let link = LinkSettings { baud, ..LinkSettings::DEFAULT };
+    let link = LinkSettings {
+        baud,
+        ..LinkSettings::DEFAULT
+    };
     Timing::for_models(Framing::Rtu, link, [model.as_ref()], Duration::ZERO)
 }
 
 #[test]
 fn the_times_are_the_usual_ones_except_on_slow_lines_and_for_slow_drives() {
-    for (baud, exchange, silent, silence) in
-        [(9600, 300, 1500, 2500), (38_400, 1200, 1700, 2500), (9600, 3000, 3500, 4342), (1200, 300, 1500, 4168)]
-    {
+    for (baud, exchange, silent, silence) in [
+        (9600, 300, 1500, 2500),
+        (38_400, 1200, 1700, 2500),
+        (9600, 3000, 3500, 4342),
+        (1200, 300, 1500, 4168),
+    ] {
         let times = StandbyTimes::shortest(&timing(baud), MS(exchange));
         assert_eq!(times.silent_at_most, MS(silent), "{baud}");
         let off = times.take_over_after.as_millis().abs_diff(silence);
@@ -27,13 +33,20 @@ fn the_times_are_the_usual_ones_except_on_slow_lines_and_for_slow_drives() {
     }
     let times = StandbyTimes::shortest(&timing(9600), MS(300));
     assert_eq!(times.with(None, 2).take_over_after, MS(3500));
-    assert_eq!(times.with(Some(MS(1000)), 0).take_over_after, MS(2500), "never shorter than is safe");
+    assert_eq!(
+        times.with(Some(MS(1000)), 0).take_over_after,
+        MS(2500),
+        "never shorter than is safe"
+    );
     assert_eq!(times.with(Some(MS(6000)), 1).take_over_after, MS(6500));
 }
 
 /// Lets a free line be silent up to `until`; returns the first change and when it came.
 fn silent(rule: &mut Standby, until: u64) -> Option<(u64, Change)> {
-    while let Some(due) = rule.due_at().filter(|due| *due <= MonoTime::from_millis(until)) {
+    while let Some(due) = rule
+        .due_at()
+        .filter(|due| *due <= MonoTime::from_millis(until))
+    {
         if let Some(change) = rule.pass(due, true) {
             return Some((due.as_nanos() / 1_000_000, change));
         }
@@ -56,14 +69,31 @@ fn a_listener_takes_the_line_over_after_the_silence_and_sends_at_once() {
     rule.heard(at(12_499));
     assert!(rule.hears_other(at(12_600)) && !rule.may_send(at(12_600)));
     assert_eq!(silent(&mut rule, 14_998), None);
-    assert_eq!(rule.pass(at(14_999), false), None, "something is on the wire");
+    assert_eq!(
+        rule.pass(at(14_999), false),
+        None,
+        "something is on the wire"
+    );
     assert_eq!(rule.pass(at(15_001), true), Some(Change::TakenOver));
-    assert_eq!((rule.claims_at(), rule.may_send(at(15_001))), (Some(at(15_001)), true));
+    assert_eq!(
+        (rule.claims_at(), rule.may_send(at(15_001))),
+        (Some(at(15_001)), true)
+    );
     rule.sent(at(15_010));
-    assert_eq!((rule.claims_at(), rule.signal_at(), rule.was_sent(at(15_011))), (None, Some(at(15_510)), None));
+    assert_eq!(
+        (
+            rule.claims_at(),
+            rule.signal_at(),
+            rule.was_sent(at(15_011))
+        ),
+        (None, Some(at(15_510)), None)
+    );
     // Its own exchange is no sign of another gateway.
     rule.heard(at(15_020));
-    assert_eq!((rule.role(), rule.hears_other(at(15_100))), (LineRole::Active, false));
+    assert_eq!(
+        (rule.role(), rule.hears_other(at(15_100))),
+        (LineRole::Active, false)
+    );
 }
 
 #[test]
@@ -84,19 +114,28 @@ fn one_that_was_suspended_listens_before_it_sends() {
     assert!(rule.may_send(at(3999)) && !rule.may_send(at(4000)));
     assert_eq!(rule.pass(at(3999), true), None);
     assert_eq!(rule.pass(at(4000), true), Some(Change::Stalled));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, 9000) else { panic!("not taken over") };
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, 9000) else {
+        panic!("not taken over")
+    };
     assert!((6500..=7000).contains(&taken), "{taken}");
     // Suspended while a frame was handed to the port.
     rule.sent(at(taken));
     assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX), None);
-    assert_eq!(rule.was_sent(at(taken) + HAND_OVER_MAX + MS(1)), Some(Change::Stalled));
+    assert_eq!(
+        rule.was_sent(at(taken) + HAND_OVER_MAX + MS(1)),
+        Some(Change::Stalled)
+    );
 }
 
 #[test]
 fn a_rival_ends_the_role_and_a_lost_port_does() {
     let at = MonoTime::from_millis;
     let mut rule = opened(0);
-    assert_eq!(rule.heard_request(at(1)), None, "a listener gives nothing up");
+    assert_eq!(
+        rule.heard_request(at(1)),
+        None,
+        "a listener gives nothing up"
+    );
     assert_eq!(silent(&mut rule, 9000), Some((2501, Change::TakenOver)));
     assert_eq!(rule.heard_request(at(2600)), Some(Change::Rival));
     assert!(rule.hears_other(at(2700)));
@@ -136,7 +175,9 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
         rule.sent(at(2500));
         assert_eq!(rule.unanswered(at(2600), true), None);
         assert_eq!(rule.role(), LineRole::Active, "for now");
-        let claims_at = rule.claims_at().expect("it says once more that it has taken the line");
+        let claims_at = rule
+            .claims_at()
+            .expect("it says once more that it has taken the line");
         assert!(claims_at >= at(2600) && claims_at <= at(2600) + CONTEND_WAIT);
         (rule, claims_at)
     };
@@ -153,12 +194,18 @@ fn two_that_took_the_line_in_step_wait_for_different_times() {
         now = first.claims_at().expect("it says so again");
     }
     first.sent(now);
-    assert_eq!((first.unanswered(now, false), first.claims_at()), (None, None));
+    assert_eq!(
+        (first.unanswered(now, false), first.claims_at()),
+        (None, None)
+    );
     assert_eq!(first.unanswered(now, true), Some(Change::Collided));
     // A drive that is off makes it wait once.
     let (mut unheard, _) = claims(4);
     unheard.sent(at(2800));
-    assert_eq!((unheard.unanswered(at(3100), false), unheard.claims_at()), (None, None));
+    assert_eq!(
+        (unheard.unanswered(at(3100), false), unheard.claims_at()),
+        (None, None)
+    );
     // One that stalled meanwhile may not send for longer than any other.
     let (mut late, _) = claims(3);
     late.sent(at(3000));
@@ -175,7 +222,11 @@ fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
         let mut rule = Standby::new(shortest.with(None, rank), 1);
         rule.port_opened(at(900));
         rule.handed_over(at(1000));
-        assert_eq!(silent(&mut rule, 9000), Some((taken, Change::HandedOver)), "{rank}");
+        assert_eq!(
+            silent(&mut rule, 9000),
+            Some((taken, Change::HandedOver)),
+            "{rank}"
+        );
         let mut slow = Standby::new(shortest.with(None, rank), 1);
         slow.port_opened(at(900));
         slow.handed_over(at(1000));
@@ -184,7 +235,11 @@ fn a_line_that_is_handed_over_is_taken_at_once_unless_another_was_faster() {
         let mut suspended = Standby::new(shortest.with(None, rank), 1);
         suspended.port_opened(at(900));
         suspended.handed_over(at(1000));
-        assert_eq!(suspended.pass(at(1500), true), None, "{rank}: it may have missed that one");
+        assert_eq!(
+            suspended.pass(at(1500), true),
+            None,
+            "{rank}: it may have missed that one"
+        );
         assert_eq!(silent(&mut suspended, 3999), None);
     }
 }
@@ -208,23 +263,36 @@ fn one_that_hears_no_drive_leaves_the_line_for_longer_and_longer_until_it_hears_
     assert_eq!(silent(&mut rule, 9000), Some((2500, Change::TakenOver)));
     let mut now = 2500;
     for least in [10_000, 20_000, 40_000, 40_000] {
-        assert_eq!(in_vain(&mut rule, now, now + 9000), Some((now + 3000, Change::Deaf)));
+        assert_eq!(
+            in_vain(&mut rule, now, now + 9000),
+            Some((now + 3000, Change::Deaf))
+        );
         assert!(rule.is_deaf());
         now += 3000;
-        let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 200_000) else { panic!("not taken over") };
+        let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 200_000) else {
+            panic!("not taken over")
+        };
         let waited = taken - now;
-        assert!(waited >= least + 2500 && waited <= 2 * least + 2500, "{waited}");
+        assert!(
+            waited >= least + 2500 && waited <= 2 * least + 2500,
+            "{waited}"
+        );
         now = taken;
     }
     assert!(in_vain(&mut rule, now, now + 9000).is_some());
     // Its receiver works: the drives are off, and it goes on alone.
     rule.heard(at(now + 9000));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 20_000) else { panic!("not taken over") };
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, now + 20_000) else {
+        panic!("not taken over")
+    };
     assert_eq!((taken, rule.is_deaf()), (now + 11_500, false));
     assert_eq!(in_vain(&mut rule, taken, taken + 60_000), None);
     // A drive is back. When it falls silent again, the line is left once more.
     rule.answered(at(taken + 60_000));
-    assert!(matches!(in_vain(&mut rule, taken + 60_000, taken + 80_000), Some((_, Change::Deaf))));
+    assert!(matches!(
+        in_vain(&mut rule, taken + 60_000, taken + 80_000),
+        Some((_, Change::Deaf))
+    ));
 }
 
 #[test]
@@ -236,7 +304,9 @@ fn bytes_of_any_kind_are_no_silence() {
         assert_eq!(silent(&mut rule, now + 900), None);
     }
     rule.jam_ended(at(20_000));
-    let Some((taken, Change::TakenOver)) = silent(&mut rule, 30_000) else { panic!("not taken over") };
+    let Some((taken, Change::TakenOver)) = silent(&mut rule, 30_000) else {
+        panic!("not taken over")
+    };
     assert!((22_500..=22_750).contains(&taken), "{taken}");
 }
 
@@ -302,14 +372,30 @@ impl Node {
         let heard = self.rule.heard_at().map_or(u128::MAX, age);
         match self.rule.state {
             State::Deaf { .. } => (0, 0, 0, heard, self.held),
-            State::Listening { quiet_from, looked_at, extra } => {
-                (1, age(quiet_from), age(looked_at).min(500) * 10_000 + extra.as_millis(), heard, self.held)
-            }
+            State::Listening {
+                quiet_from,
+                looked_at,
+                extra,
+            } => (
+                1,
+                age(quiet_from),
+                age(looked_at).min(500) * 10_000 + extra.as_millis(),
+                heard,
+                self.held,
+            ),
             State::Claiming { at, until } => {
                 let rest = |at: MonoTime| at.since(self.now).as_millis();
-                (2, age(at), rest(at) + rest(until) * 10_000, heard, self.held)
+                (
+                    2,
+                    age(at),
+                    rest(at) + rest(until) * 10_000,
+                    heard,
+                    self.held,
+                )
             }
-            State::Active { sent_at } => (3 + self.rule.contended, age(sent_at), 0, heard, self.held),
+            State::Active { sent_at } => {
+                (3 + self.rule.contended, age(sent_at), 0, heard, self.held)
+            }
         }
     }
 
@@ -322,7 +408,12 @@ impl Node {
                 self.rule.port_opened(self.now);
                 Out::Nothing
             }
-            Fate::Runs | Fate::RunsIdle | Fate::RunsInVain | Fate::StallsAtThePort | Fate::RunsDeaf | Fate::Stops => {
+            Fate::Runs
+            | Fate::RunsIdle
+            | Fate::RunsInVain
+            | Fate::StallsAtThePort
+            | Fate::RunsDeaf
+            | Fate::Stops => {
                 if std::mem::take(&mut self.held) {
                     self.rule.was_sent(self.now);
                     return Out::Frame;
@@ -337,7 +428,10 @@ impl Node {
                 if fate == Fate::Stops && self.rule.role() == LineRole::Listening {
                     return Out::Stop;
                 }
-                let is_due = self.rule.signal_at().is_some_and(|at| self.now + MS_250 > at);
+                let is_due = self
+                    .rule
+                    .signal_at()
+                    .is_some_and(|at| self.now + MS_250 > at);
                 if !self.rule.may_send(self.now) || (fate == Fate::RunsIdle && !is_due) {
                     return Out::Nothing;
                 }
@@ -377,7 +471,11 @@ fn in_every_order_of_events_at_most_one_may_send() {
         let node = |rank| {
             let mut rule = Standby::new(shortest.with(None, rank), 1);
             rule.port_opened(MonoTime::from_millis(10_000));
-            Node { rule, now: MonoTime::from_millis(10_000), held: false }
+            Node {
+                rule,
+                now: MonoTime::from_millis(10_000),
+                held: false,
+            }
         };
         let mut seen = HashSet::new();
         let mut open = vec![[node(ranks[0]), node(ranks[1])]];
@@ -386,7 +484,9 @@ fn in_every_order_of_events_at_most_one_may_send() {
             for first in FATES.into_iter().filter(|fate| pair[0].may_meet(*fate)) {
                 for second in FATES.into_iter().filter(|fate| pair[1].may_meet(*fate)) {
                     let mut next = pair.clone();
-                    next.iter_mut().zip(STEP).for_each(|(node, step)| node.now = node.now + step);
+                    next.iter_mut()
+                        .zip(STEP)
+                        .for_each(|(node, step)| node.now = node.now + step);
                     let before = next.clone().map(|node| node.may_send());
                     let sent = [next[0].acts(first), next[1].acts(second)];
                     hear(&mut next, sent, [first, second]);
@@ -394,7 +494,11 @@ fn in_every_order_of_events_at_most_one_may_send() {
                     take_overs += u64::from(may[0] && !before[0]) + u64::from(may[1] && !before[1]);
                     // With one rank for both they may take a silent line in the same step; then both hear a rival.
                     let at_once = ranks[0] == ranks[1] && sent == [Out::Frame; 2];
-                    assert!(!(may[0] && may[1]) || at_once, "{first:?} {second:?}: {:?}", next.map(|it| it.rule));
+                    assert!(
+                        !(may[0] && may[1]) || at_once,
+                        "{first:?} {second:?}: {:?}",
+                        next.map(|it| it.rule)
+                    );
                     let key = (next[0].key(), next[1].key());
                     if seen.insert(key) {
                         open.push(next);
@@ -402,7 +506,11 @@ fn in_every_order_of_events_at_most_one_may_send() {
                 }
             }
         }
-        assert!(seen.len() > 1000 && take_overs > 100, "{} states, {take_overs} take-overs", seen.len());
+        assert!(
+            seen.len() > 1000 && take_overs > 100,
+            "{} states, {take_overs} take-overs",
+            seen.len()
+        );
     }
 }
 
@@ -424,10 +532,18 @@ fn hear(pair: &mut [Node; 2], sent: [Out; 2], fates: [Fate; 2]) {
         let now = pair[to].now;
         match &mut pair[to].rule.state {
             State::Listening { extra, .. } => {
-                *extra = if *extra >= TIE_BREAK / 2 { TIE_BREAK } else { Duration::ZERO };
+                *extra = if *extra >= TIE_BREAK / 2 {
+                    TIE_BREAK
+                } else {
+                    Duration::ZERO
+                };
             }
             State::Claiming { at, .. } if *at > now => {
-                *at = if at.since(now) >= CONTEND_WAIT / 2 { now + CONTEND_WAIT } else { now };
+                *at = if at.since(now) >= CONTEND_WAIT / 2 {
+                    now + CONTEND_WAIT
+                } else {
+                    now
+                };
             }
             _ => {}
         }

@@ -76,13 +76,21 @@ impl StandbyTimes {
         let needed = silent_at_most + silent_at_most / DRIFT + HAND_OVER_MAX + frame + HELD_BACK;
         let take_over_after = TAKE_OVER_AT_LEAST.max(needed);
         let (accept_after, answer_after) = (Duration::ZERO, Duration::ZERO);
-        Self { silent_at_most, take_over_after, accept_after, answer_after, signal_after: SIGNAL_AFTER }
+        Self {
+            silent_at_most,
+            take_over_after,
+            accept_after,
+            answer_after,
+            signal_after: SIGNAL_AFTER,
+        }
     }
 
     /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
     #[must_use]
     pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
-        let silence = take_over_after.unwrap_or_default().max(self.take_over_after);
+        let silence = take_over_after
+            .unwrap_or_default()
+            .max(self.take_over_after);
         let rank = u32::from(rank);
         Self {
             take_over_after: silence + RANK_STEP * rank,

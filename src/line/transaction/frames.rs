@@ -16,13 +16,17 @@ impl Wire {
             self.note_noise(found.noise);
             let (kind, ending) = self.judge(&found.adu);
             let transaction = framing::transaction_of(self.timing.framing, &found.adu);
-            transaction.into_iter().for_each(|id| self.transactions.answered(id));
+            transaction
+                .into_iter()
+                .for_each(|id| self.transactions.answered(id));
             self.note(kind, found.adu);
             if let Some(Ending::Exception(code)) = ending
                 && !self.assembler.sees_ends()
                 && !is_over
             {
-                self.open.iter_mut().for_each(|open| open.exception = Some(code));
+                self.open
+                    .iter_mut()
+                    .for_each(|open| open.exception = Some(code));
             } else if let Some(ending) = ending
                 && let Some(open) = self.open.take()
             {
@@ -41,14 +45,19 @@ impl Wire {
     fn next_frame(&mut self, is_over: bool) -> Option<FoundFrame> {
         match &self.open {
             None if self.listens => self.assembler.take_any(),
-            open => self.assembler.take_certain(open.as_ref().map(|open| &open.expected), is_over),
+            open => self
+                .assembler
+                .take_certain(open.as_ref().map(|open| &open.expected), is_over),
         }
     }
 
     /// Notes bytes that are no part of a reply. Among them may be the request of another gateway: a reply that is awaited
     /// does not hide it, and what looks like one inside a sound reply is none.
     pub(super) fn note_noise(&mut self, mut bytes: Vec<u8>) {
-        while let Some(place) = self.listens.then(|| framing::find_read_request(self.timing.framing, &bytes)).flatten()
+        while let Some(place) = self
+            .listens
+            .then(|| framing::find_read_request(self.timing.framing, &bytes))
+            .flatten()
         {
             let rest = bytes.split_off(place.end);
             let request = bytes.split_off(place.start);
@@ -62,13 +71,17 @@ impl Wire {
     /// Classifies a sound frame: our answer, another station's or master's, or one that is late.
     fn judge(&self, adu: &[u8]) -> (TrafficKind, Option<Ending>) {
         let frame = framing::decode(self.timing.framing, adu);
-        let Some((station, pdu)) = frame else { return (TrafficKind::Noise, None) };
+        let Some((station, pdu)) = frame else {
+            return (TrafficKind::Noise, None);
+        };
         // A connection has no other master.
         if pdu::is_request(&pdu) && !self.timing.framing.identifies_replies() {
             return (TrafficKind::OtherMaster(Station(station)), None);
         }
         let stray = TrafficKind::Stray(Station(station));
-        let Some(open) = &self.open else { return (stray, None) };
+        let Some(open) = &self.open else {
+            return (stray, None);
+        };
         if framing::transaction_of(self.timing.framing, adu) != open.transaction {
             return (stray, None);
         }

@@ -2,7 +2,9 @@
 //! given up. Attempts that never reach a line are recorded here; a line records those that reach it.
 
 use crate::domain::address::Address;
-use crate::domain::command::{CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights};
+use crate::domain::command::{
+    CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
+};
 use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::native::{NativeAsk, NativeRequest};
 use crate::domain::time::MonoTime;
@@ -158,27 +160,46 @@ impl<C> Commands<C> {
 
     /// The connection is lost: queued path messages no longer hold.
     pub(in crate::north) fn path_lost(&mut self) {
-        self.to_lines.retain(|it| !matches!(it, ToLine::PathAlive | ToLine::PathOpened));
+        self.to_lines
+            .retain(|it| !matches!(it, ToLine::PathAlive | ToLine::PathOpened));
     }
 
     /// Stops have room of their own.
     pub(in crate::north) fn has_room_for_command(&self) -> bool {
-        let is_command = |it: &&Pending<C>| matches!(&it.request, Request::Order(order) if !order.is_stop());
+        let is_command =
+            |it: &&Pending<C>| matches!(&it.request, Request::Order(order) if !order.is_stop());
         self.unanswered.iter().filter(is_command).count() < COMMANDS_MAX
     }
 
     /// Whether there is room for one more read.
     pub(in crate::north) fn has_room_for_read(&self) -> bool {
-        self.unanswered.iter().filter(|it| matches!(it.request, Request::Read(_))).count() < READS_MAX
+        self.unanswered
+            .iter()
+            .filter(|it| matches!(it.request, Request::Read(_)))
+            .count()
+            < READS_MAX
     }
 
     /// Gives a command to `description`, its drive. Before a stop, [`give_way_to_stop`](Self::give_way_to_stop) is called
     /// until it returns `None`.
     pub(in crate::north) fn give(&mut self, description: &DriveDescription, new: NewCommand<C>) {
-        let NewCommand { ticket, drive, by, order, start_before, issued, epoch, context } = new;
+        let NewCommand {
+            ticket,
+            drive,
+            by,
+            order,
+            start_before,
+            issued,
+            epoch,
+            context,
+        } = new;
         let place = description.place;
         let is_stop = order.is_stop();
-        let stop_pending_for = description.control.as_ref().filter(|_| is_stop).map(|it| it.stop_pending_for);
+        let stop_pending_for = description
+            .control
+            .as_ref()
+            .filter(|_| is_stop)
+            .map(|it| it.stop_pending_for);
         let forget_at = start_before + stop_pending_for.unwrap_or_default() + ANSWERED_WITHIN;
         let command = CommandRequest {
             asker: self.asker,
@@ -192,20 +213,58 @@ impl<C> Commands<C> {
             trial: None,
         };
         let request = Request::Order(order);
-        self.unanswered.push(Pending { ticket, drive, by, request, context, place, forget_at });
+        self.unanswered.push(Pending {
+            ticket,
+            drive,
+            by,
+            request,
+            context,
+            place,
+            forget_at,
+        });
         self.queue(ToLine::Command(place, command), is_stop);
     }
 
     /// Asks `description`, its drive, for a register.
     pub(in crate::north) fn read(&mut self, description: &DriveDescription, new: NewRead<C>) {
-        let NewRead { ticket, drive, by, register, address, deadline, context } = new;
+        let NewRead {
+            ticket,
+            drive,
+            by,
+            register,
+            address,
+            deadline,
+            context,
+        } = new;
         let place = description.place;
-        let words = description.model.registers.get(register).map_or(1, |register| register.form.words());
-        let ask = NativeAsk::Read { address, count: words };
-        let read = NativeRequest { asker: self.asker, ticket, drive: place.drive, origin: origin(by), ask, deadline };
+        let words = description
+            .model
+            .registers
+            .get(register)
+            .map_or(1, |register| register.form.words());
+        let ask = NativeAsk::Read {
+            address,
+            count: words,
+        };
+        let read = NativeRequest {
+            asker: self.asker,
+            ticket,
+            drive: place.drive,
+            origin: origin(by),
+            ask,
+            deadline,
+        };
         let forget_at = deadline + ANSWERED_WITHIN;
         let request = Request::Read(register);
-        self.unanswered.push(Pending { ticket, drive, by, request, context, place, forget_at });
+        self.unanswered.push(Pending {
+            ticket,
+            drive,
+            by,
+            request,
+            context,
+            place,
+            forget_at,
+        });
         self.queue(ToLine::Read(place, read), false);
     }
 
@@ -223,20 +282,29 @@ impl<C> Commands<C> {
 
     /// Withdraws, one by one, what gives way to a stop of `drive`: commands of that drive that are still queued here,
     /// and the oldest stop if there are too many.
-    pub(in crate::north) fn give_way_to_stop(&mut self, drive: usize) -> Option<(Pending<C>, Report)> {
+    pub(in crate::north) fn give_way_to_stop(
+        &mut self,
+        drive: usize,
+    ) -> Option<(Pending<C>, Report)> {
         let waits = |pending: &&Pending<C>| {
             let moves = matches!(&pending.request, Request::Order(it) if !it.is_stop() && *it != Order::Renew);
             moves && pending.drive == drive && self.is_waiting(pending.ticket)
         };
-        let waiting = self.unanswered.iter().find(waits).map(|it| (it.ticket, Reason::Stopped));
-        let (ticket, reason) = waiting.or_else(|| Some((self.surplus_stop(drive)?, Reason::Newer)))?;
+        let waiting = self
+            .unanswered
+            .iter()
+            .find(waits)
+            .map(|it| (it.ticket, Reason::Stopped));
+        let (ticket, reason) =
+            waiting.or_else(|| Some((self.surplus_stop(drive)?, Reason::Newer)))?;
         self.give_up(ticket, Report::new(Outcome::Superseded, reason))
     }
 
     /// The oldest stop of `drive`, if there is no room for one more.
     fn surplus_stop(&self, drive: usize) -> Option<Ticket> {
-        let is_its_stop =
-            |it: &&Pending<C>| it.drive == drive && matches!(&it.request, Request::Order(order) if order.is_stop());
+        let is_its_stop = |it: &&Pending<C>| {
+            it.drive == drive && matches!(&it.request, Request::Order(order) if order.is_stop())
+        };
         let mut stops = self.unanswered.iter().filter(is_its_stop);
         let oldest = stops.next()?.ticket;
         (stops.count() + 1 >= STOPS_MAX).then_some(oldest)
@@ -250,8 +318,14 @@ impl<C> Commands<C> {
     }
 
     /// Takes one whose drive has no place any more in `moved`, which holds the new place of each drive.
-    pub(in crate::north) fn take_gone(&mut self, moved: &[Option<usize>]) -> Option<(Pending<C>, Report)> {
-        let gone = self.unanswered.iter().find(|it| moved.get(it.drive).copied().flatten().is_none())?;
+    pub(in crate::north) fn take_gone(
+        &mut self,
+        moved: &[Option<usize>],
+    ) -> Option<(Pending<C>, Report)> {
+        let gone = self
+            .unanswered
+            .iter()
+            .find(|it| moved.get(it.drive).copied().flatten().is_none())?;
         let report = Report::new(unanswered_outcome(&gone.request), Reason::Removed);
         self.give_up(gone.ticket, report)
     }
@@ -259,7 +333,11 @@ impl<C> Commands<C> {
     /// Moves the drives to these places.
     pub(in crate::north) fn move_drives(&mut self, moved: &[Option<usize>]) {
         for pending in &mut self.unanswered {
-            pending.drive = moved.get(pending.drive).copied().flatten().unwrap_or(pending.drive);
+            pending.drive = moved
+                .get(pending.drive)
+                .copied()
+                .flatten()
+                .unwrap_or(pending.drive);
         }
     }
 
@@ -280,7 +358,10 @@ impl<C> Commands<C> {
     }
 
     /// Takes the request that a line could not accept because its inbox was full.
-    pub(in crate::north) fn refused_by_line(&mut self, ticket: Ticket) -> Option<(Pending<C>, Report)> {
+    pub(in crate::north) fn refused_by_line(
+        &mut self,
+        ticket: Ticket,
+    ) -> Option<(Pending<C>, Report)> {
         let pending = self.take(ticket)?;
         let report = Report::refused(Reason::QueueFull);
         self.account_for(&pending, report);
@@ -321,14 +402,26 @@ impl<C> Commands<C> {
             return;
         }
         self.last_attempt += 1;
-        let attempt = Attempt { id: AttemptId(self.last_attempt), owner, tried, report: Some(report) };
+        let attempt = Attempt {
+            id: AttemptId(self.last_attempt),
+            owner,
+            tried,
+            report: Some(report),
+        };
         self.attempts.push_back((place, attempt));
     }
 }
 
 /// A client that commands through a broker may write and stop; each message is a command of its own.
 const fn origin(owner: Owner) -> Origin {
-    Origin { owner, rights: Rights { write: true, stop: true }, manner: Manner::Once }
+    Origin {
+        owner,
+        rights: Rights {
+            write: true,
+            stop: true,
+        },
+        manner: Manner::Once,
+    }
 }
 
 /// What `order` attempts. Renewing a lease is no attempt.
@@ -343,15 +436,20 @@ pub(in crate::north) fn refused_frequency(
     report: Report,
 ) -> Option<String> {
     let control = description.control.as_ref()?;
-    let Request::Order(Order::Go(go)) = request else { return None };
+    let Request::Order(Order::Go(go)) = request else {
+        return None;
+    };
     let frequency = go.frequency()?;
     match report.reason {
-        Reason::OutsideLimits => {
-            Some(format!("{frequency} Hz is outside the limits of {} to {} Hz", control.least, control.most))
-        }
+        Reason::OutsideLimits => Some(format!(
+            "{frequency} Hz is outside the limits of {} to {} Hz",
+            control.least, control.most
+        )),
         Reason::BetweenSteps => {
             let step = setpoint_step(&description.model)?;
-            Some(format!("{frequency} Hz is between the drive's steps of {step} Hz"))
+            Some(format!(
+                "{frequency} Hz is between the drive's steps of {step} Hz"
+            ))
         }
         _ => None,
     }

@@ -57,14 +57,21 @@ impl Issued {
         let ahead_ms = issued_at.saturating_sub(at.wall.unix_ms);
         if ahead_ms > AHEAD_MAX_MS {
             self.remember_refused(issued_at);
-            return Err(Refused::new(Reason::ClockAhead, format!("{}; at most 2 s are taken", ahead(ahead_ms))));
+            return Err(Refused::new(
+                Reason::ClockAhead,
+                format!("{}; at most 2 s are taken", ahead(ahead_ms)),
+            ));
         }
         if self.refused.contains(&issued_at) {
-            let why = "this moment was refused before, when it was too far ahead of the gateway's clock";
+            let why =
+                "this moment was refused before, when it was too far ahead of the gateway's clock";
             return Err(Refused::new(Reason::ClockAhead, why));
         }
         let came_first = self.came_first(at.mono, issued_at);
-        let known = self.lead.filter(|(_, seen)| at.mono.since(*seen) < SEEN_FOR).map_or(0, |(lead, _)| lead);
+        let known = self
+            .lead
+            .filter(|(_, seen)| at.mono.since(*seen) < SEEN_FOR)
+            .map_or(0, |(lead, _)| lead);
         let lead = known.max(ahead_ms);
         if ahead_ms > 0 && ahead_ms >= known || lead == 0 {
             self.lead = (lead > 0).then_some((lead, at.mono));
@@ -72,7 +79,10 @@ impl Issued {
         let remark = (ahead_ms >= TOLD_FROM_MS).then(|| ahead(ahead_ms));
         Ok(Issue {
             age: millis(ahead_ms.saturating_neg()).max(at.mono.since(came_first)),
-            moment: at.mono.before(millis(lead.saturating_sub(ahead_ms))).min(came_first),
+            moment: at
+                .mono
+                .before(millis(lead.saturating_sub(ahead_ms)))
+                .min(came_first),
             remark,
         })
     }
@@ -121,8 +131,13 @@ mod tests {
     const EPOCH: i64 = 1_767_225_600_000;
 
     fn at(millis: u64) -> Moment {
-        let wall = WallTime { unix_ms: EPOCH + i64::try_from(millis).unwrap() };
-        Moment { mono: MonoTime::from_millis(millis), wall }
+        let wall = WallTime {
+            unix_ms: EPOCH + i64::try_from(millis).unwrap(),
+        };
+        Moment {
+            mono: MonoTime::from_millis(millis),
+            wall,
+        }
     }
 
     fn reason(taken: Result<Issue, Refused>) -> Reason {
@@ -133,7 +148,14 @@ mod tests {
     fn a_moment_in_the_past_is_what_it_says() {
         let mut issued = Issued::default();
         let issue = issued.take(at(50_000), EPOCH + 49_000).unwrap();
-        assert_eq!(issue, Issue { age: Duration::from_secs(1), moment: at(49_000).mono, remark: None });
+        assert_eq!(
+            issue,
+            Issue {
+                age: Duration::from_secs(1),
+                moment: at(49_000).mono,
+                remark: None
+            }
+        );
         assert!(issued.take(at(50_000), i64::MIN).unwrap().age > Duration::from_secs(3600));
     }
 
@@ -142,14 +164,24 @@ mod tests {
         for ahead in [1, 500, 2_000] {
             let mut issued = Issued::default();
             let first = issued.take(at(50_000), EPOCH + 50_000 + ahead).unwrap();
-            assert_eq!((first.age, first.moment), (Duration::ZERO, at(50_000).mono), "{ahead}");
+            assert_eq!(
+                (first.age, first.moment),
+                (Duration::ZERO, at(50_000).mono),
+                "{ahead}"
+            );
             assert_eq!(first.remark.is_some(), ahead >= 100);
             for later in [1, 400, 1_999, 30_000] {
-                let again = issued.take(at(50_000 + later), EPOCH + 50_000 + ahead).unwrap();
+                let again = issued
+                    .take(at(50_000 + later), EPOCH + 50_000 + ahead)
+                    .unwrap();
                 assert_eq!(again.moment, at(50_000).mono, "{ahead} {later}");
             }
             let new = issued.take(at(51_000), EPOCH + 51_000 + ahead).unwrap();
-            assert_eq!(new.moment, at(51_000).mono, "a new command of the same clock");
+            assert_eq!(
+                new.moment,
+                at(51_000).mono,
+                "a new command of the same clock"
+            );
         }
     }
 
@@ -159,33 +191,67 @@ mod tests {
         let far = issued.take(at(50_000), EPOCH + 100_000).unwrap_err();
         assert_eq!(far.reason, Reason::ClockAhead);
         assert!(far.message.contains("50.0 s ahead"), "{}", far.message);
-        assert_eq!(reason(issued.take(at(50_000), EPOCH + 52_001)), Reason::ClockAhead);
-        assert_eq!(reason(issued.take(at(50_000), i64::MAX)), Reason::ClockAhead);
-        assert_eq!(reason(issued.take(at(99_500), EPOCH + 100_000)), Reason::ClockAhead, "when it has come");
-        assert!(issued.take(at(99_500), EPOCH + 99_400).is_ok(), "others are taken");
+        assert_eq!(
+            reason(issued.take(at(50_000), EPOCH + 52_001)),
+            Reason::ClockAhead
+        );
+        assert_eq!(
+            reason(issued.take(at(50_000), i64::MAX)),
+            Reason::ClockAhead
+        );
+        assert_eq!(
+            reason(issued.take(at(99_500), EPOCH + 100_000)),
+            Reason::ClockAhead,
+            "when it has come"
+        );
+        assert!(
+            issued.take(at(99_500), EPOCH + 99_400).is_ok(),
+            "others are taken"
+        );
     }
 
     #[test]
     fn a_refused_moment_stays_refused_however_many_commands_come_in_between() {
         let mut issued = Issued::default();
-        assert_eq!(reason(issued.take(at(50_000), EPOCH + 100_000)), Reason::ClockAhead);
+        assert_eq!(
+            reason(issued.take(at(50_000), EPOCH + 100_000)),
+            Reason::ClockAhead
+        );
         for number in 0..2_000 {
             assert!(
-                issued.take(at(50_001 + number * 10), EPOCH + 50_001 + i64::try_from(number).unwrap() * 10).is_ok()
+                issued
+                    .take(
+                        at(50_001 + number * 10),
+                        EPOCH + 50_001 + i64::try_from(number).unwrap() * 10
+                    )
+                    .is_ok()
             );
         }
-        assert_eq!(reason(issued.take(at(99_500), EPOCH + 100_000)), Reason::ClockAhead);
+        assert_eq!(
+            reason(issued.take(at(99_500), EPOCH + 100_000)),
+            Reason::ClockAhead
+        );
     }
 
     #[test]
     fn a_moment_that_comes_again_is_no_younger_where_the_clock_was_set_back() {
         let mut issued = Issued::default();
-        let set_back = |millis| Moment { wall: at(millis - 24_500).wall, ..at(millis) };
+        let set_back = |millis| Moment {
+            wall: at(millis - 24_500).wall,
+            ..at(millis)
+        };
         assert!(issued.take(at(50_000), EPOCH + 49_900).is_ok());
         let again = issued.take(set_back(73_000), EPOCH + 49_900).unwrap();
-        assert_eq!((again.age, again.moment), (Duration::from_secs(23), at(50_000).mono));
+        assert_eq!(
+            (again.age, again.moment),
+            (Duration::from_secs(23), at(50_000).mono)
+        );
         let new = issued.take(set_back(73_000), EPOCH + 48_400).unwrap();
-        assert_eq!(new.age, Duration::from_millis(100), "a new command of a clock like ours");
+        assert_eq!(
+            new.age,
+            Duration::from_millis(100),
+            "a new command of a clock like ours"
+        );
     }
 
     #[test]
@@ -200,7 +266,13 @@ mod tests {
         }
         assert_eq!(issued.taken.len(), TAKEN_MAX);
         issued.take(at(0), EPOCH + 1_500).unwrap();
-        assert_eq!(issued.take(at(599_000), EPOCH + 599_000).unwrap().moment, at(597_500).mono);
-        assert_eq!(issued.take(at(601_000), EPOCH + 601_000).unwrap().moment, at(601_000).mono);
+        assert_eq!(
+            issued.take(at(599_000), EPOCH + 599_000).unwrap().moment,
+            at(597_500).mono
+        );
+        assert_eq!(
+            issued.take(at(601_000), EPOCH + 601_000).unwrap().moment,
+            at(601_000).mono
+        );
     }
 }

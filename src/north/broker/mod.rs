@@ -10,7 +10,9 @@ mod types;
 #[cfg(test)]
 pub(in crate::north) use commands::ATTEMPTS_MAX;
 pub use commands::ToLine;
-pub(in crate::north) use commands::{Commands, NewCommand, NewRead, Pending, Request, refused_frequency, tried_by};
+pub(in crate::north) use commands::{
+    Commands, NewCommand, NewRead, Pending, Request, refused_frequency, tried_by,
+};
 pub(in crate::north) use issued::Issued;
 pub use oversized::Oversized;
 pub(in crate::north) use oversized::OversizedTopics;

@@ -54,7 +54,11 @@ impl OversizedTopics {
 
     /// One that was not returned yet. However often a topic is left out, it is returned once on each connection.
     pub(in crate::north) fn next_untold(&mut self) -> Option<Oversized> {
-        let new = self.all.iter().find(|it| !self.told.contains(&it.topic))?.clone();
+        let new = self
+            .all
+            .iter()
+            .find(|it| !self.told.contains(&it.topic))?
+            .clone();
         if self.told.len() >= TOPICS_MAX {
             self.told.clear();
         }
@@ -68,7 +72,11 @@ mod tests {
     use super::*;
 
     fn of(topic: &str, bytes: usize) -> Oversized {
-        Oversized { topic: topic.to_owned(), bytes, limit: 2_000 }
+        Oversized {
+            topic: topic.to_owned(),
+            bytes,
+            limit: 2_000,
+        }
     }
 
     #[test]
@@ -79,15 +87,30 @@ mod tests {
         }
         list.add(of("info", 3_000));
         assert_eq!(list.all(), [of("state", 2_600), of("info", 3_000)]);
-        let mut told = || std::iter::from_fn(|| list.next_untold()).map(|it| it.topic).collect::<Vec<_>>();
-        assert_eq!((told(), told()), (vec!["state".to_owned(), "info".to_owned()], vec![]));
+        let mut told = || {
+            std::iter::from_fn(|| list.next_untold())
+                .map(|it| it.topic)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (told(), told()),
+            (vec!["state".to_owned(), "info".to_owned()], vec![])
+        );
         list.published("state");
         assert_eq!(list.all(), [of("info", 3_000)]);
         list.add(of("state", 2_700));
-        assert_eq!((list.all().len(), list.next_untold()), (2, None), "its size swings around the limit");
+        assert_eq!(
+            (list.all().len(), list.next_untold()),
+            (2, None),
+            "its size swings around the limit"
+        );
         list.forget();
         list.add(of("state", 2_800));
-        assert_eq!((list.all().len(), list.next_untold()), (1, Some(of("state", 2_800))), "the next connection");
+        assert_eq!(
+            (list.all().len(), list.next_untold()),
+            (1, Some(of("state", 2_800))),
+            "the next connection"
+        );
     }
 
     #[test]
@@ -96,6 +119,12 @@ mod tests {
         for number in 0..1_000 {
             list.add(of(&number.to_string(), 3_000));
         }
-        assert_eq!((list.all().len(), std::iter::from_fn(|| list.next_untold()).count()), (TOPICS_MAX, TOPICS_MAX));
+        assert_eq!(
+            (
+                list.all().len(),
+                std::iter::from_fn(|| list.next_untold()).count()
+            ),
+            (TOPICS_MAX, TOPICS_MAX)
+        );
     }
 }

@@ -126,7 +126,11 @@ impl Path {
     /// alive.
     pub(in crate::north) fn lost(&mut self, at: MonoTime) {
         if let Some(opened) = self.opened_at {
-            self.proves_after = if at.since(opened) < BRIEF { BRIEF } else { self.interval / 2 };
+            self.proves_after = if at.since(opened) < BRIEF {
+                BRIEF
+            } else {
+                self.interval / 2
+            };
         }
         self.reset(Phase::Down);
     }
@@ -140,15 +144,27 @@ impl Path {
         self.under_way.clear();
         self.usual = USUAL_MAX;
         // Even the answer to the subscription may have been delayed, and commands right after it.
-        self.stall = Some(Stall { until: self.sent + 1, stood: Duration::ZERO, is_of_the_way: true });
+        self.stall = Some(Stall {
+            until: self.sent + 1,
+            stood: Duration::ZERO,
+            is_of_the_way: true,
+        });
     }
 
     /// The process was suspended for this long; [`Duration::MAX`]: the delay of what arrives now is unknown. It has
     /// missed what arrived, so nothing is overdue, and a probe is due.
     pub(in crate::north) fn stalled(&mut self, at: MonoTime, stood: Duration) {
-        let before = self.stall.unwrap_or(Stall { until: 0, stood: Duration::ZERO, is_of_the_way: false });
+        let before = self.stall.unwrap_or(Stall {
+            until: 0,
+            stood: Duration::ZERO,
+            is_of_the_way: false,
+        });
         let is_of_the_way = before.is_of_the_way || stood == Duration::MAX;
-        self.stall = Some(Stall { until: self.sent + 1, stood: before.stood.saturating_add(stood), is_of_the_way });
+        self.stall = Some(Stall {
+            until: self.sent + 1,
+            stood: before.stood.saturating_add(stood),
+            is_of_the_way,
+        });
         self.under_way.clear();
         self.probe_from(at);
         if let Phase::Subscribing(since) = &mut self.phase {
@@ -164,11 +180,19 @@ impl Path {
         }
         let until = self.stall.map_or(0, |stall| stall.until);
         // Of those from before a suspension only their return is known.
-        let sent = self.under_way.iter().find(|(number, _)| *number >= until).map(|(_, due)| *due);
+        let sent = self
+            .under_way
+            .iter()
+            .find(|(number, _)| *number >= until)
+            .map(|(_, due)| *due);
         let oldest = sent.unwrap_or(self.next_probe);
         if at.since(oldest) > self.usual + LATE {
             let stood = self.stall.map_or(Duration::ZERO, |stall| stall.stood);
-            self.stall = Some(Stall { until: self.sent + 1, stood, is_of_the_way: true });
+            self.stall = Some(Stall {
+                until: self.sent + 1,
+                stood,
+                is_of_the_way: true,
+            });
         }
     }
 
@@ -196,8 +220,11 @@ impl Path {
         if !matches!(self.phase, Phase::Subscribing(_)) {
             return false;
         }
-        self.phase =
-            if is_granted { Phase::Granted } else { Phase::GivingUp("the broker did not grant every subscription") };
+        self.phase = if is_granted {
+            Phase::Granted
+        } else {
+            Phase::GivingUp("the broker did not grant every subscription")
+        };
         self.next_probe = at;
         is_granted
     }
@@ -238,11 +265,20 @@ impl Path {
 
     /// A probe arrived.
     pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
-        let number = self.seal.number(payload).filter(|number| (self.settled + 1..=self.sent).contains(number));
-        let Some(number) = number.filter(|_| self.is_granted()) else { return Returned::Foreign };
+        let number = self
+            .seal
+            .number(payload)
+            .filter(|number| (self.settled + 1..=self.sent).contains(number));
+        let Some(number) = number.filter(|_| self.is_granted()) else {
+            return Returned::Foreign;
+        };
         self.look(at);
         self.settled = number;
-        let due = self.under_way.iter().find(|(sent, _)| *sent == number).map(|(_, due)| *due);
+        let due = self
+            .under_way
+            .iter()
+            .find(|(sent, _)| *sent == number)
+            .map(|(_, due)| *due);
         self.under_way.retain(|(sent, _)| *sent > number);
         self.learn(at, due);
         match &mut self.stall {
@@ -284,7 +320,9 @@ impl Path {
 
     /// The reason for which a new connection is to be requested; returned once.
     pub(in crate::north) fn take_reconnect(&mut self) -> Option<&'static str> {
-        let Phase::GivingUp(reason) = self.phase else { return None };
+        let Phase::GivingUp(reason) = self.phase else {
+            return None;
+        };
         self.phase = Phase::GivenUp;
         Some(reason)
     }
@@ -307,7 +345,8 @@ impl Path {
 
     /// Whether the path has been open for long enough to be a heartbeat of its clients.
     pub(in crate::north) fn is_sign_of_life(&self, at: MonoTime) -> bool {
-        self.opened_at.is_some_and(|opened| at.since(opened) >= self.proves_after)
+        self.opened_at
+            .is_some_and(|opened| at.since(opened) >= self.proves_after)
     }
 
     /// When something is to be done without an external event.
@@ -352,19 +391,38 @@ mod tests {
         assert_eq!(path.take_probe(at(1)), None);
         let ours = Seal::new(7);
         let another = Seal::new(8);
-        for foreign in [ours.text(2), ours.text(0), another.text(1), "1".to_owned(), "1-".to_owned(), String::new()] {
-            assert_eq!(path.returned(at(2), foreign.as_bytes()), Returned::Foreign, "{foreign}");
+        for foreign in [
+            ours.text(2),
+            ours.text(0),
+            another.text(1),
+            "1".to_owned(),
+            "1-".to_owned(),
+            String::new(),
+        ] {
+            assert_eq!(
+                path.returned(at(2), foreign.as_bytes()),
+                Returned::Foreign,
+                "{foreign}"
+            );
         }
         assert_eq!(path.returned(at(2), b"\xFF"), Returned::Foreign);
         assert!(!path.is_open());
         assert_eq!(path.returned(at(2), &first), Returned::Ours);
         assert!(path.is_open() && path.is_alive(at(2)));
-        assert_eq!(path.returned(at(2), &first), Returned::Foreign, "each counts once");
+        assert_eq!(
+            path.returned(at(2), &first),
+            Returned::Foreign,
+            "each counts once"
+        );
         path.lost(at(2));
         path.connected();
         path.take_subscription(at(3));
         path.subscribed(at(3), true);
-        assert_eq!(path.returned(at(3), &first), Returned::Foreign, "a probe of the connection before");
+        assert_eq!(
+            path.returned(at(3), &first),
+            Returned::Foreign,
+            "a probe of the connection before"
+        );
     }
 
     #[test]
@@ -378,7 +436,11 @@ mod tests {
         for (place, digit) in first.match_indices('1') {
             let mut forged = first.clone();
             forged.replace_range(place..place + digit.len(), "2");
-            assert_eq!(path.returned(at(6), forged.as_bytes()), Returned::Foreign, "{forged}");
+            assert_eq!(
+                path.returned(at(6), forged.as_bytes()),
+                Returned::Foreign,
+                "{forged}"
+            );
         }
         path.look(at(20));
         assert!(path.is_unproven(), "it is still overdue");
@@ -389,7 +451,10 @@ mod tests {
     fn a_missing_probe_or_subscription_gives_the_connection_up_once() {
         let mut path = granted();
         path.take_probe(at(1)).unwrap();
-        assert!(path.take_probe(at(6)).is_some(), "a lost one does not stop the next");
+        assert!(
+            path.take_probe(at(6)).is_some(),
+            "a lost one does not stop the next"
+        );
         assert!(!path.check(at(15)));
         assert_eq!(path.wake(), Some(at(11)));
         assert!(path.check(at(16)));
@@ -400,7 +465,10 @@ mod tests {
         path.take_subscription(at(40));
         assert_eq!(path.wake(), Some(at(55)));
         assert!(!path.check(at(55)), "no probe was lost");
-        assert_eq!(path.take_reconnect(), Some("the broker did not answer the subscription"));
+        assert_eq!(
+            path.take_reconnect(),
+            Some("the broker did not answer the subscription")
+        );
     }
 
     #[test]
@@ -418,19 +486,29 @@ mod tests {
     /// trusted.
     fn run_through(interval: u64, trip: u64, stall: (u64, u64), run: u64) -> (u64, bool) {
         let ms = |millis: u64| MonoTime::from_millis(millis);
-        let mut path = Path::new(7, Duration::from_millis(interval), Duration::from_secs(3600));
+        let mut path = Path::new(
+            7,
+            Duration::from_millis(interval),
+            Duration::from_secs(3600),
+        );
         path.connected();
         path.take_subscription(ms(0));
         path.subscribed(ms(0), true);
         // In flight from the broker: when it arrives, and a probe or the run.
         let mut coming: VecDeque<(u64, Option<Vec<u8>>)> = VecDeque::new();
         let through = |sent: u64, coming: &VecDeque<(u64, Option<Vec<u8>>)>, trip: u64| {
-            let free = if (stall.0..stall.1).contains(&(sent + trip)) { stall.1 } else { sent + trip };
+            let free = if (stall.0..stall.1).contains(&(sent + trip)) {
+                stall.1
+            } else {
+                sent + trip
+            };
             coming.back().map_or(free, |(last, _)| free.max(*last))
         };
         for now in (0..).step_by(10) {
             while coming.front().is_some_and(|(at, _)| *at <= now) {
-                let Some((_, what)) = coming.pop_front() else { break };
+                let Some((_, what)) = coming.pop_front() else {
+                    break;
+                };
                 path.look(ms(now));
                 match what {
                     Some(probe) => assert_eq!(path.returned(ms(now), &probe), Returned::Ours),
@@ -454,11 +532,15 @@ mod tests {
         const BEGIN: u64 = 6_000;
         let mut trusted = [0, 0];
         for (interval, phases) in [(200, 130), (1_000, 390), (3_250, 1_170)] {
-            let most = u64::try_from(unnoticed(Duration::from_millis(interval)).as_millis()).unwrap();
+            let most =
+                u64::try_from(unnoticed(Duration::from_millis(interval)).as_millis()).unwrap();
             for trip in [0, 20, 600] {
                 for phase in (0..interval).step_by(phases) {
                     for length in (0..15_000).step_by(1_130) {
-                        let stall = (BEGIN + phase / 10 * 10, BEGIN + phase / 10 * 10 + length / 10 * 10);
+                        let stall = (
+                            BEGIN + phase / 10 * 10,
+                            BEGIN + phase / 10 * 10 + length / 10 * 10,
+                        );
                         for run in (stall.0..=stall.1 + 2_000).step_by(870) {
                             let (came, is_trusted) = run_through(interval, trip, stall, run);
                             let waited = came - run;
@@ -484,7 +566,10 @@ mod tests {
             // At most two round trips after the end: of the probe that was late, and of the one that proves the path,
             // which is not sent on schedule but at once.
             for end in [15_000, 15_100, 15_500] {
-                assert!(run_through(1_000, trip, (5_000, end), end + 2 * trip + 100).1, "{trip} {end}");
+                assert!(
+                    run_through(1_000, trip, (5_000, end), end + 2 * trip + 100).1,
+                    "{trip} {end}"
+                );
             }
         }
     }

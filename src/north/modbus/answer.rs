@@ -65,16 +65,24 @@ impl Form {
     pub(super) fn of(ask: &Ask) -> Self {
         let success = match ask {
             Ask::ReadBits { count, .. } => Success::Bits(*count),
-            Ask::ReadWords { count, .. } | Ask::ReadWriteWords { read_count: count, .. } => Success::Words(*count),
+            Ask::ReadWords { count, .. }
+            | Ask::ReadWriteWords {
+                read_count: count, ..
+            } => Success::Words(*count),
             Ask::LoopTest { data } => Success::Echo([0, *data]),
-            Ask::WriteCoil { address, on } => Success::Echo([*address, if *on { client::COIL_ON } else { 0 }]),
+            Ask::WriteCoil { address, on } => {
+                Success::Echo([*address, if *on { client::COIL_ON } else { 0 }])
+            }
             Ask::WriteWord { address, value } => Success::Echo([*address, *value]),
             Ask::WriteCoils { address, values } => Success::Echo([*address, values.count()]),
             Ask::WriteWords { address, values } => Success::Echo([*address, values.len() as u16]),
             Ask::MaskWord { address, and, or } => Success::Mask([*address, *and, *or]),
             Ask::Identify { .. } => Success::Identity,
         };
-        Self { function: ask.function(), success }
+        Self {
+            function: ask.function(),
+            success,
+        }
     }
 
     /// The response to the client, or the code of its exception.
@@ -86,7 +94,9 @@ impl Form {
             (Answer::Words(words), Success::Words(count)) if words.len() == usize::from(count) => {
                 Ok(Body::Words(words))
             }
-            (Answer::Bits(bytes), Success::Bits(count)) if bytes.len() == usize::from(count.div_ceil(8)) => {
+            (Answer::Bits(bytes), Success::Bits(count))
+                if bytes.len() == usize::from(count.div_ceil(8)) =>
+            {
                 Ok(Body::Bits { bytes, count })
             }
             // A drive's own bits come as words.
@@ -95,7 +105,9 @@ impl Form {
             }
             (Answer::Written, Success::Echo(words)) => Ok(Body::Echo(words)),
             (Answer::Written, Success::Mask(words)) => Ok(Body::Mask(words)),
-            (Answer::Identity(bytes), Success::Identity) if bytes.len() < MAX_PDU_BYTES => Ok(Body::Identity(bytes)),
+            (Answer::Identity(bytes), Success::Identity) if bytes.len() < MAX_PDU_BYTES => {
+                Ok(Body::Identity(bytes))
+            }
             _ => Err(exception::SERVER_DEVICE_FAILURE),
         }
     }
@@ -109,7 +121,12 @@ impl Form {
             }
             Ok(Body::EachBit(words)) => {
                 out.extend([self.function, words.len().div_ceil(8) as u8]);
-                let byte = |eight: &[u16]| eight.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0));
+                let byte = |eight: &[u16]| {
+                    eight
+                        .iter()
+                        .rev()
+                        .fold(0, |byte, bit| byte << 1 | u8::from(*bit != 0))
+                };
                 out.extend(words.chunks(8).map(byte));
             }
             Ok(Body::Bits { bytes, count }) => {
@@ -165,7 +182,10 @@ mod tests {
         let words = Answer::Words(&[6000, 1]);
         assert_eq!(pdu(&READ_TWO, words), [3, 4, 0x17, 0x70, 0, 1]);
         assert_eq!(pdu(&[4, 1, 1, 0, 2], words), [4, 4, 0x17, 0x70, 0, 1]);
-        assert_eq!(pdu(&[0x17, 1, 1, 0, 2, 0, 0, 0, 1, 2, 0, 1], words), [0x17, 4, 0x17, 0x70, 0, 1]);
+        assert_eq!(
+            pdu(&[0x17, 1, 1, 0, 2, 0, 0, 0, 1, 2, 0, 1], words),
+            [0x17, 4, 0x17, 0x70, 0, 1]
+        );
         assert_eq!(pdu(&[3, 0, 0, 0, 125], Answer::Words(&[7; 125])).len(), 252);
     }
 
@@ -173,7 +193,10 @@ mod tests {
     fn bits_are_answered_in_bytes_and_padded_with_zeros() {
         assert_eq!(pdu(&[1, 0, 0, 0, 4], Answer::Bits(&[0xFF])), [1, 1, 0x0F]);
         assert_eq!(pdu(&[2, 0, 0, 0, 8], Answer::Bits(&[0xFF])), [2, 1, 0xFF]);
-        assert_eq!(pdu(&[2, 0, 0, 0, 10], Answer::Bits(&[0x35, 0xFE])), [2, 2, 0x35, 2]);
+        assert_eq!(
+            pdu(&[2, 0, 0, 0, 10], Answer::Bits(&[0x35, 0xFE])),
+            [2, 2, 0x35, 2]
+        );
         assert_eq!(pdu(&[1, 0, 0, 7, 0xD0], Answer::Bits(&[1; 250])).len(), 252);
         let of_a_drive = Answer::Words(&[1, 0, 1, 0, 0, 0, 0, 0, 1]);
         assert_eq!(pdu(&[1, 0, 0, 0, 9], of_a_drive), [1, 2, 0b101, 1]);
@@ -188,29 +211,49 @@ mod tests {
             (&[0x0F, 0, 0, 0, 10, 2, 1, 0], &[0x0F, 0, 0, 0, 10]),
             (&[0x10, 2, 3, 0, 1, 2, 1, 0x2C], &[0x10, 2, 3, 0, 1]),
             (&[0x10, 2, 3, 0, 2, 4, 1, 0x2C, 0, 7], &[0x10, 2, 3, 0, 2]),
-            (&[0x16, 0, 4, 0, 0xF2, 0, 0x25], &[0x16, 0, 4, 0, 0xF2, 0, 0x25]),
+            (
+                &[0x16, 0, 4, 0, 0xF2, 0, 0x25],
+                &[0x16, 0, 4, 0, 0xF2, 0, 0x25],
+            ),
         ] {
             assert_eq!(pdu(request, Answer::Written), answer);
-            assert_eq!(pdu(request, Answer::Exception(0x0B)), [request[0] | 0x80, 0x0B]);
+            assert_eq!(
+                pdu(request, Answer::Exception(0x0B)),
+                [request[0] | 0x80, 0x0B]
+            );
         }
     }
 
     #[test]
     fn an_identity_is_passed_on_as_it_is() {
-        assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0x0E, 1])), [0x2B, 0x0E, 1]);
-        assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0; 253])), [0xAB, 4]);
+        assert_eq!(
+            pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0x0E, 1])),
+            [0x2B, 0x0E, 1]
+        );
+        assert_eq!(
+            pdu(&[0x2B, 0x0E, 1, 0], Answer::Identity(&[0; 253])),
+            [0xAB, 4]
+        );
     }
 
     #[test]
     fn an_answer_that_does_not_fit_is_never_passed_on() {
-        for wrong in [Answer::Words(&[6000]), Answer::Words(&[0; 257]), Answer::Bits(&[1]), Answer::Written] {
+        for wrong in [
+            Answer::Words(&[6000]),
+            Answer::Words(&[0; 257]),
+            Answer::Bits(&[1]),
+            Answer::Written,
+        ] {
             assert_eq!(pdu(&READ_TWO, wrong), [0x83, 4], "{wrong:?}");
         }
         assert_eq!(pdu(&READ_TWO, Answer::Identity(&[])), [0x83, 4]);
         assert_eq!(pdu(&[6, 0, 0, 0, 1], Answer::Words(&[1])), [0x86, 4]);
         assert_eq!(pdu(&[1, 0, 0, 0, 9], Answer::Bits(&[1])), [0x81, 4]);
         assert_eq!(pdu(&[2, 0, 0, 0, 9], Answer::Words(&[1, 1])), [0x82, 4]);
-        assert_eq!(pdu(&[1, 0, 0, 0, 3], Answer::Words(&[1, 0, 1, 0])), [0x81, 4]);
+        assert_eq!(
+            pdu(&[1, 0, 0, 0, 3], Answer::Words(&[1, 0, 1, 0])),
+            [0x81, 4]
+        );
         assert_eq!(pdu(&[0x2B, 0x0E, 1, 0], Answer::Written), [0xAB, 4]);
     }
 
@@ -218,7 +261,10 @@ mod tests {
     fn every_exception_is_passed_on() {
         for code in [1, 2, 3, 4, 6, 0x0A, 0x0B, 0x21] {
             for function in [1, 2, 3, 4] {
-                assert_eq!(pdu(&[function, 0, 0, 0, 1], Answer::Exception(code)), [function | 0x80, code]);
+                assert_eq!(
+                    pdu(&[function, 0, 0, 0, 1], Answer::Exception(code)),
+                    [function | 0x80, code]
+                );
             }
         }
     }

@@ -109,10 +109,22 @@ impl Ask {
     #[must_use]
     pub const fn function(&self) -> u8 {
         match self {
-            Self::ReadBits { table: BitTable::Coils, .. } => client::READ_COILS,
-            Self::ReadBits { table: BitTable::Discrete, .. } => client::READ_DISCRETE,
-            Self::ReadWords { table: WordTable::Holding, .. } => function::READ_HOLDING,
-            Self::ReadWords { table: WordTable::Input, .. } => function::READ_INPUT,
+            Self::ReadBits {
+                table: BitTable::Coils,
+                ..
+            } => client::READ_COILS,
+            Self::ReadBits {
+                table: BitTable::Discrete,
+                ..
+            } => client::READ_DISCRETE,
+            Self::ReadWords {
+                table: WordTable::Holding,
+                ..
+            } => function::READ_HOLDING,
+            Self::ReadWords {
+                table: WordTable::Input,
+                ..
+            } => function::READ_INPUT,
             Self::LoopTest { .. } => function::DIAGNOSTICS,
             Self::WriteCoil { .. } => client::WRITE_COIL,
             Self::WriteWord { .. } => function::WRITE_SINGLE,
@@ -127,7 +139,13 @@ impl Ask {
     /// Whether it writes, alone or together with a read.
     #[must_use]
     pub const fn writes(&self) -> bool {
-        !matches!(self, Self::ReadBits { .. } | Self::ReadWords { .. } | Self::LoopTest { .. } | Self::Identify { .. })
+        !matches!(
+            self,
+            Self::ReadBits { .. }
+                | Self::ReadWords { .. }
+                | Self::LoopTest { .. }
+                | Self::Identify { .. }
+        )
     }
 }
 
@@ -142,7 +160,10 @@ impl Bits {
     /// The first `count` bits in `bytes`; `None` unless there are exactly as many bytes as they need.
     #[must_use]
     pub fn new(bytes: &[u8], count: u16) -> Option<Self> {
-        (bytes.len() == usize::from(count.div_ceil(8))).then(|| Self { bytes: bytes.to_vec(), count })
+        (bytes.len() == usize::from(count.div_ceil(8))).then(|| Self {
+            bytes: bytes.to_vec(),
+            count,
+        })
     }
 
     /// How many.

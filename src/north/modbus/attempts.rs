@@ -33,13 +33,18 @@ impl Ask {
             Self::WriteCoil { address, on } => format!("{}: {}", at(address), u8::from(*on)),
             Self::WriteWord { address, value } => format!("{}: {value}", at(address)),
             Self::WriteCoils { address, values } => {
-                let bits = (0..values.count()).filter_map(|place| values.get(place)).map(u16::from);
+                let bits = (0..values.count())
+                    .filter_map(|place| values.get(place))
+                    .map(u16::from);
                 at(address) + &list(bits)
             }
-            Self::WriteWords { address, values } | Self::ReadWriteWords { address, values, .. } => {
-                at(address) + &list(values.iter().copied())
+            Self::WriteWords { address, values }
+            | Self::ReadWriteWords {
+                address, values, ..
+            } => at(address) + &list(values.iter().copied()),
+            Self::MaskWord { address, and, or } => {
+                format!("{}: and {and:04X}, or {or:04X}", at(address))
             }
-            Self::MaskWord { address, and, or } => format!("{}: and {and:04X}, or {or:04X}", at(address)),
         };
         Tried::Text(text)
     }
@@ -56,7 +61,11 @@ pub(super) fn of_pdu(unit: u8, pdu: &[u8]) -> Option<Tried> {
         // Writing to a text does not fail.
         let _ = write!(text, " {byte:02X}");
     }
-    text += if pdu.len() > SHOWN_MAX { " \u{2026}" } else { "" };
+    text += if pdu.len() > SHOWN_MAX {
+        " \u{2026}"
+    } else {
+        ""
+    };
     Some(Tried::Text(text))
 }
 
@@ -89,20 +98,39 @@ mod tests {
         for (pdu, right) in [
             (&[5, 0, 2, 0xFF, 0][..], "unit 9: function 05 at 2: 1"),
             (&[6, 1, 0, 0, 7], "unit 9: function 06 at 256: 7"),
-            (&[0x0F, 0, 0, 0, 3, 1, 0b101], "unit 9: function 0F at 0: 1 0 1"),
-            (&[0x10, 0, 4, 0, 2, 4, 0, 1, 0, 2], "unit 9: function 10 at 4: 1 2"),
-            (&[0x16, 0, 4, 0, 0xF2, 0, 0x25], "unit 9: function 16 at 4: and 00F2, or 0025"),
-            (&[0x17, 0, 0, 0, 1, 0, 8, 0, 1, 2, 0, 3], "unit 9: function 17 at 8: 3"),
+            (
+                &[0x0F, 0, 0, 0, 3, 1, 0b101],
+                "unit 9: function 0F at 0: 1 0 1",
+            ),
+            (
+                &[0x10, 0, 4, 0, 2, 4, 0, 1, 0, 2],
+                "unit 9: function 10 at 4: 1 2",
+            ),
+            (
+                &[0x16, 0, 4, 0, 0xF2, 0, 0x25],
+                "unit 9: function 16 at 4: and 00F2, or 0025",
+            ),
+            (
+                &[0x17, 0, 0, 0, 1, 0, 8, 0, 1, 2, 0, 3],
+                "unit 9: function 17 at 8: 3",
+            ),
         ] {
             assert_eq!(parse(pdu).unwrap().tried(9), Tried::Text(right.to_owned()));
         }
-        let long = Ask::WriteWords { address: 0, values: vec![0xFFFF; 123] }.tried(9);
+        let long = Ask::WriteWords {
+            address: 0,
+            values: vec![0xFFFF; 123],
+        }
+        .tried(9);
         assert!(matches!(long, Tried::Text(text) if text.len() < 140));
     }
 
     #[test]
     fn what_is_wrong_in_itself_is_shown_in_bytes() {
-        assert_eq!(of_pdu(7, &[6, 0, 1]), Some(Tried::Text("unit 7: bytes 06 00 01".to_owned())));
+        assert_eq!(
+            of_pdu(7, &[6, 0, 1]),
+            Some(Tried::Text("unit 7: bytes 06 00 01".to_owned()))
+        );
         assert_eq!(of_pdu(7, &[3, 0, 1]), None);
         assert_eq!(of_pdu(7, &[]), None);
         assert!(matches!(of_pdu(7, &[0x10; 253]), Some(Tried::Text(text)) if text.len() < 70));

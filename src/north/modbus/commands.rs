@@ -57,7 +57,13 @@ impl Commands {
     ) {
         self.calls.retain(|waiting| now < waiting.deadline);
         if !out.is_empty() {
-            self.calls.push(Waiting { call, deadline, out, worst, read });
+            self.calls.push(Waiting {
+                call,
+                deadline,
+                out,
+                worst,
+                read,
+            });
         }
     }
 
@@ -67,15 +73,24 @@ impl Commands {
         if !answer.is_final && answer.report.outcome != Outcome::Acknowledged {
             return None;
         }
-        let place = self.calls.iter().position(|waiting| waiting.out.contains(&answer.ticket))?;
+        let place = self
+            .calls
+            .iter()
+            .position(|waiting| waiting.out.contains(&answer.ticket))?;
         let waiting = self.calls.get_mut(place)?;
         waiting.out.retain(|ticket| *ticket != answer.ticket);
         waiting.worst = refusal::worst(waiting.worst, refusal::exception_for(&answer.report));
         if !waiting.out.is_empty() {
             return None;
         }
-        let Waiting { call, worst, read, .. } = self.calls.swap_remove(place);
-        Some(Ended { call, exception: worst, read: read.filter(|_| worst.is_none()) })
+        let Waiting {
+            call, worst, read, ..
+        } = self.calls.swap_remove(place);
+        Some(Ended {
+            call,
+            exception: worst,
+            read: read.filter(|_| worst.is_none()),
+        })
     }
 }
 
@@ -89,7 +104,13 @@ mod tests {
     const LATE: MonoTime = MonoTime::from_millis(5_000);
 
     fn answer(ticket: u64, report: Report, is_final: bool) -> CommandAnswer {
-        CommandAnswer { asker: AskerId(1), ticket: Ticket(ticket), drive: DriveIndex(0), report, is_final }
+        CommandAnswer {
+            asker: AskerId(1),
+            ticket: Ticket(ticket),
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        }
     }
 
     fn done(ticket: u64) -> CommandAnswer {
@@ -99,12 +120,23 @@ mod tests {
     #[test]
     fn the_first_answer_ends_the_call_and_later_ones_are_nobodys() {
         let mut commands = Commands::default();
-        let read = Some(ReadBehind { unit: 101, address: 0, count: 2 });
+        let read = Some(ReadBehind {
+            unit: 101,
+            address: 0,
+            count: 2,
+        });
         commands.expect(T0, Ticket(7), LATE, vec![Ticket(7)], None, read);
         let unknown = answer(7, Report::new(Outcome::Unknown, Reason::NoReply), false);
         assert_eq!(commands.take(&unknown), None, "it is being found out");
         let acknowledged = answer(7, Report::new(Outcome::Acknowledged, Reason::None), false);
-        assert_eq!(commands.take(&acknowledged), Some(Ended { call: Ticket(7), exception: None, read }));
+        assert_eq!(
+            commands.take(&acknowledged),
+            Some(Ended {
+                call: Ticket(7),
+                exception: None,
+                read
+            })
+        );
         assert_eq!(commands.take(&done(7)), None);
     }
 
@@ -119,29 +151,72 @@ mod tests {
             (Report::new(Outcome::Superseded, Reason::Newer), 6),
         ] {
             let mut commands = Commands::default();
-            let read = Some(ReadBehind { unit: 101, address: 0, count: 2 });
+            let read = Some(ReadBehind {
+                unit: 101,
+                address: 0,
+                count: 2,
+            });
             commands.expect(T0, Ticket(7), LATE, vec![Ticket(7)], None, read);
             let ended = commands.take(&answer(7, report, true));
-            assert_eq!(ended, Some(Ended { call: Ticket(7), exception: Some(code), read: None }), "{report:?}");
+            assert_eq!(
+                ended,
+                Some(Ended {
+                    call: Ticket(7),
+                    exception: Some(code),
+                    read: None
+                }),
+                "{report:?}"
+            );
         }
     }
 
     #[test]
     fn a_call_of_several_commands_ends_with_the_last_and_tells_the_worst() {
         let mut commands = Commands::default();
-        commands.expect(T0, Ticket(7), LATE, vec![Ticket(8), Ticket(9)], Some(6), None);
+        commands.expect(
+            T0,
+            Ticket(7),
+            LATE,
+            vec![Ticket(8), Ticket(9)],
+            Some(6),
+            None,
+        );
         commands.expect(T0, Ticket(10), LATE, vec![Ticket(10)], None, None);
-        assert_eq!(commands.take(&answer(9, Report::new(Outcome::Failed, Reason::DriveException), true)), None);
+        assert_eq!(
+            commands.take(&answer(
+                9,
+                Report::new(Outcome::Failed, Reason::DriveException),
+                true
+            )),
+            None
+        );
         assert_eq!(commands.take(&done(9)), None, "once for each");
-        assert_eq!(commands.take(&done(10)).map(|ended| ended.call), Some(Ticket(10)));
-        assert_eq!(commands.take(&done(8)), Some(Ended { call: Ticket(7), exception: Some(4), read: None }));
+        assert_eq!(
+            commands.take(&done(10)).map(|ended| ended.call),
+            Some(Ticket(10))
+        );
+        assert_eq!(
+            commands.take(&done(8)),
+            Some(Ended {
+                call: Ticket(7),
+                exception: Some(4),
+                read: None
+            })
+        );
     }
 
     #[test]
     fn what_is_never_answered_is_forgotten_with_its_call() {
         let mut commands = Commands::default();
         commands.expect(T0, Ticket(1), LATE, vec![Ticket(1)], None, None);
-        commands.expect(LATE, Ticket(2), MonoTime::from_millis(9_000), vec![Ticket(2)], None, None);
+        commands.expect(
+            LATE,
+            Ticket(2),
+            MonoTime::from_millis(9_000),
+            vec![Ticket(2)],
+            None,
+            None,
+        );
         assert_eq!(commands.calls.len(), 1);
         assert_eq!(commands.take(&done(1)), None);
         commands.expect(LATE, Ticket(3), MonoTime::NEVER, Vec::new(), None, None);

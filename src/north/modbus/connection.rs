@@ -128,7 +128,11 @@ impl Connection {
             held.extend_from_slice(&bytes[used..]);
         }
         release(&mut held);
-        self.begun = if held.is_empty() { None } else { self.begun.filter(|_| used == 0).or(Some(now)) };
+        self.begun = if held.is_empty() {
+            None
+        } else {
+            self.begun.filter(|_| used == 0).or(Some(now))
+        };
         self.input = held;
     }
 
@@ -138,8 +142,14 @@ impl Connection {
     #[must_use]
     pub fn next_piece(&self, bytes: &[u8]) -> usize {
         let held = self.input.len();
-        let byte = |at: usize| at.checked_sub(held).map_or_else(|| self.input.get(at), |at| bytes.get(at)).copied();
-        let (Some(high), Some(low)) = (byte(4), byte(5)) else { return bytes.len() };
+        let byte = |at: usize| {
+            at.checked_sub(held)
+                .map_or_else(|| self.input.get(at), |at| bytes.get(at))
+                .copied()
+        };
+        let (Some(high), Some(low)) = (byte(4), byte(5)) else {
+            return bytes.len();
+        };
         let whole = mbap::HEADER_BYTES - 1 + usize::from(u16::from_be_bytes([high, low]));
         whole.saturating_sub(held).max(1).min(bytes.len())
     }
@@ -157,7 +167,13 @@ impl Connection {
 
     /// Answers a call. A ticket that is not pending (answered, expired, never issued) is ignored.
     pub fn answer(&mut self, now: MonoTime, ticket: Ticket, answer: Answer<'_>) {
-        let Some(place) = self.pending.iter().position(|pending| pending.ticket == ticket) else { return };
+        let Some(place) = self
+            .pending
+            .iter()
+            .position(|pending| pending.ticket == ticket)
+        else {
+            return;
+        };
         let pending = self.pending.remove(place);
         self.finish(now, &pending, answer);
     }
@@ -180,7 +196,11 @@ impl Connection {
 
     fn keep(&mut self, unit: u8, tried: Tried, report: Report) {
         if self.kept.len() < Self::KEPT_MAX {
-            self.kept.push_back(UnsentAttempt { unit, tried, report });
+            self.kept.push_back(UnsentAttempt {
+                unit,
+                tried,
+                report,
+            });
         } else {
             self.counters.attempts_lost += 1;
         }
@@ -236,10 +256,18 @@ impl Connection {
         {
             let expired = self.pending.remove(0);
             let calls = std::mem::take(&mut self.calls).into_iter();
-            let (late, calls): (VecDeque<_>, _) = calls.partition(|call| call.ticket == expired.ticket);
+            let (late, calls): (VecDeque<_>, _) =
+                calls.partition(|call| call.ticket == expired.ticket);
             self.calls = calls;
-            self.keep_calls(late.into_iter(), Report::new(Outcome::Expired, Reason::TooLate));
-            self.finish(now, &expired, Answer::Exception(exception::GATEWAY_TARGET_FAILED));
+            self.keep_calls(
+                late.into_iter(),
+                Report::new(Outcome::Expired, Reason::TooLate),
+            );
+            self.finish(
+                now,
+                &expired,
+                Answer::Exception(exception::GATEWAY_TARGET_FAILED),
+            );
         }
         if self.body_due().is_some_and(|due| due <= now) {
             self.end(CloseReason::BodyTimeout);
@@ -252,7 +280,10 @@ impl Connection {
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
         let answer_due = self.pending.first().map(|oldest| oldest.deadline);
-        [answer_due, self.body_due(), self.idle_due()].into_iter().flatten().min()
+        [answer_due, self.body_due(), self.idle_due()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// What happened so far.
@@ -289,17 +320,29 @@ impl Connection {
         self.counters.requests += 1;
         self.active = now;
         match request::parse(message.pdu) {
-            Ok(ask) if self.pending.len() < self.limits.pending_max => self.call(now, message, ask, false),
-            Ok(ask) if self.may_stop(message.unit) && is_stop(message.unit, &ask) => self.call(now, message, ask, true),
+            Ok(ask) if self.pending.len() < self.limits.pending_max => {
+                self.call(now, message, ask, false)
+            }
+            Ok(ask) if self.may_stop(message.unit) && is_stop(message.unit, &ask) => {
+                self.call(now, message, ask, true)
+            }
             Ok(ask) => {
                 if ask.writes() {
-                    self.keep(message.unit, ask.tried(message.unit), Report::refused(Reason::QueueFull));
+                    self.keep(
+                        message.unit,
+                        ask.tried(message.unit),
+                        Report::refused(Reason::QueueFull),
+                    );
                 }
                 self.refuse_at_once(message, exception::SERVER_DEVICE_BUSY);
             }
             Err(code) => {
                 if let Some(tried) = attempts::of_pdu(message.unit, message.pdu) {
-                    self.keep(message.unit, tried, Report::refused(attempts::reason_of(code)));
+                    self.keep(
+                        message.unit,
+                        tried,
+                        Report::refused(attempts::reason_of(code)),
+                    );
                 }
                 self.refuse_at_once(message, code);
             }
@@ -308,7 +351,10 @@ impl Connection {
 
     /// Whether the place reserved for a stop of `unit` is free. If not, such a stop is already in flight.
     fn may_stop(&self, unit: u8) -> bool {
-        !self.pending.iter().any(|pending| pending.is_extra && pending.unit == unit)
+        !self
+            .pending
+            .iter()
+            .any(|pending| pending.is_extra && pending.unit == unit)
     }
 
     fn call(&mut self, now: MonoTime, message: &mbap::Message<'_>, ask: Ask, is_extra: bool) {
@@ -316,10 +362,26 @@ impl Connection {
         let deadline = now + self.limits.answer_within;
         let unit = message.unit;
         let form = Form::of(&ask);
-        self.pending.push(Pending { ticket, deadline, transaction: message.transaction, unit, form, is_extra });
+        self.pending.push(Pending {
+            ticket,
+            deadline,
+            transaction: message.transaction,
+            unit,
+            form,
+            is_extra,
+        });
         let for_read = now + self.limits.read_within;
-        let deadline = if ask.writes() { deadline } else { deadline.min(for_read) };
-        self.calls.push_back(Call { ticket, unit, ask, deadline });
+        let deadline = if ask.writes() {
+            deadline
+        } else {
+            deadline.min(for_read)
+        };
+        self.calls.push_back(Call {
+            ticket,
+            unit,
+            ask,
+            deadline,
+        });
     }
 
     fn refuse_at_once(&mut self, message: &mbap::Message<'_>, code: u8) {
@@ -336,7 +398,9 @@ impl Connection {
             Ok(_) => self.counters.replies += 1,
             Err(code) => self.counters.count_exception(code),
         }
-        mbap::encode(&mut self.output, pending.transaction, pending.unit, |out| pending.form.encode(out, result));
+        mbap::encode(&mut self.output, pending.transaction, pending.unit, |out| {
+            pending.form.encode(out, result)
+        });
     }
 
     /// Nothing more is received or answered; pending output may still be written.
@@ -355,7 +419,10 @@ impl Connection {
 
     fn idle_due(&self) -> Option<MonoTime> {
         let idle = self.close.is_none() && self.begun.is_none() && self.pending.is_empty();
-        self.limits.idle_timeout.filter(|_| idle).map(|timeout| self.active + timeout)
+        self.limits
+            .idle_timeout
+            .filter(|_| idle)
+            .map(|timeout| self.active + timeout)
     }
 }
 
@@ -380,7 +447,9 @@ mod tests {
 
     fn message(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
         let mut out = Vec::new();
-        mbap::encode(&mut out, transaction, unit, |out| out.extend_from_slice(pdu));
+        mbap::encode(&mut out, transaction, unit, |out| {
+            out.extend_from_slice(pdu)
+        });
         out
     }
 
@@ -409,10 +478,22 @@ mod tests {
         let stop = message(2, 7, &[6, 0, 2, 0, 0]);
         let mut connection = connection();
         connection.receive(T0, &[run, stop, vec![0, 3, 0, 7, 0, 2, 9]].concat(), &zero);
-        assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(Malformed::Protocol(7))));
-        assert_eq!(connection.next_call().map(|call| call.ask), Some(Ask::WriteWord { address: 2, value: 0 }));
+        assert_eq!(
+            connection.close_reason(),
+            Some(CloseReason::Malformed(Malformed::Protocol(7)))
+        );
+        assert_eq!(
+            connection.next_call().map(|call| call.ask),
+            Some(Ask::WriteWord {
+                address: 2,
+                value: 0
+            })
+        );
         assert_eq!(connection.next_call(), None);
-        assert!(connection.output().is_empty(), "no client is there to read it");
+        assert!(
+            connection.output().is_empty(),
+            "no client is there to read it"
+        );
     }
 
     #[test]
@@ -421,24 +502,54 @@ mod tests {
         connection.receive(T0, &message(0x1234, 7, &[4, 1, 1, 0, 2]), &never);
         let call = connection.next_call().unwrap();
         assert_eq!((call.unit, call.deadline), (7, after(5_000)));
-        assert_eq!(call.ask, Ask::ReadWords { table: WordTable::Input, address: 0x0101, count: 2 });
+        assert_eq!(
+            call.ask,
+            Ask::ReadWords {
+                table: WordTable::Input,
+                address: 0x0101,
+                count: 2
+            }
+        );
         assert_eq!(connection.next_call(), None);
         connection.answer(after(10), call.ticket, Answer::Words(&[6000, 1]));
-        assert_eq!(connection.output(), message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1]));
-        assert_eq!(connection.counters(), &Counters { requests: 1, replies: 1, ..Counters::default() });
+        assert_eq!(
+            connection.output(),
+            message(0x1234, 7, &[4, 4, 0x17, 0x70, 0, 1])
+        );
+        assert_eq!(
+            connection.counters(),
+            &Counters {
+                requests: 1,
+                replies: 1,
+                ..Counters::default()
+            }
+        );
     }
 
     #[test]
     fn answers_go_out_as_they_come_each_with_its_own_transaction_and_unit() {
         let mut connection = connection();
-        connection.receive(T0, &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat(), &never);
+        connection.receive(
+            T0,
+            &[read(1), message(1, 8, &[6, 0, 2, 0, 1]), read(0xFFFF)].concat(),
+            &never,
+        );
         let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
-        assert_eq!(calls[1].ask, Ask::WriteWord { address: 2, value: 1 });
+        assert_eq!(
+            calls[1].ask,
+            Ask::WriteWord {
+                address: 2,
+                value: 1
+            }
+        );
         connection.answer(T0, calls[2].ticket, Answer::Words(&[3]));
         connection.answer(T0, calls[1].ticket, Answer::Written);
         connection.answer(T0, calls[0].ticket, Answer::Exception(0x0A));
-        let answers =
-            [message(0xFFFF, 7, &[3, 2, 0, 3]), message(1, 8, &[6, 0, 2, 0, 1]), message(1, 7, &[0x83, 0x0A])];
+        let answers = [
+            message(0xFFFF, 7, &[3, 2, 0, 3]),
+            message(1, 8, &[6, 0, 2, 0, 1]),
+            message(1, 7, &[0x83, 0x0A]),
+        ];
         assert_eq!(connection.output(), answers.concat());
     }
 
@@ -467,12 +578,24 @@ mod tests {
         let mut connection = connection();
         let stream: Vec<u8> = (0..3).flat_map(read).collect();
         let length = stream.len() / 3;
-        for (from, to) in [(0, 3), (3, length), (length, 2 * length), (2 * length, 3 * length - 1)] {
-            assert_eq!(connection.next_piece(&stream[from..]).min(to - from), to - from, "from {from}");
+        for (from, to) in [
+            (0, 3),
+            (3, length),
+            (length, 2 * length),
+            (2 * length, 3 * length - 1),
+        ] {
+            assert_eq!(
+                connection.next_piece(&stream[from..]).min(to - from),
+                to - from,
+                "from {from}"
+            );
             connection.receive(T0, &stream[from..to], &never);
         }
         assert_eq!(connection.next_piece(&stream[3 * length - 1..]), 1);
-        assert_eq!(connection.next_piece(&stream[3 * length - 1..].repeat(9)), 1);
+        assert_eq!(
+            connection.next_piece(&stream[3 * length - 1..].repeat(9)),
+            1
+        );
         assert_eq!(connection.next_piece(&[]), 0);
     }
 
@@ -498,13 +621,25 @@ mod tests {
         connection.receive(T0, &[stream, other, stop.clone()].concat(), &zero);
         let calls: Vec<Call> = std::iter::from_fn(|| connection.next_call()).collect();
         assert_eq!((calls.len(), calls[16].unit), (17, 7));
-        assert_eq!(connection.output(), message(41, 7, &[0x86, 6]), "what is no stop is busy");
+        assert_eq!(
+            connection.output(),
+            message(41, 7, &[0x86, 6]),
+            "what is no stop is busy"
+        );
         connection.wrote(usize::MAX);
         connection.receive(T0, &stop, &zero);
-        assert_eq!(connection.output(), message(40, 7, &[0x86, 6]), "that very stop is under way");
+        assert_eq!(
+            connection.output(),
+            message(40, 7, &[0x86, 6]),
+            "that very stop is under way"
+        );
         connection.wrote(usize::MAX);
         connection.receive(T0, &message(42, 8, &[6, 0, 2, 0, 0]), &zero);
-        assert_eq!(connection.next_call().map(|call| call.unit), Some(8), "each unit has a place");
+        assert_eq!(
+            connection.next_call().map(|call| call.unit),
+            Some(8),
+            "each unit has a place"
+        );
         connection.answer(T0, calls[16].ticket, Answer::Written);
         assert_eq!(connection.output(), stop);
         connection.receive(T0, &stop, &zero);
@@ -517,8 +652,13 @@ mod tests {
         let run = message(1, 7, &[6, 0, 2, 0, 1]);
         let stop = message(2, 7, &[6, 0, 2, 0, 0]);
         connection.receive(T0, &[run, stop].concat(), &zero);
-        let asks: Vec<Ask> = std::iter::from_fn(|| connection.next_call()).map(|call| call.ask).collect();
-        assert_eq!(asks, [1, 0].map(|value| Ask::WriteWord { address: 2, value }));
+        let asks: Vec<Ask> = std::iter::from_fn(|| connection.next_call())
+            .map(|call| call.ask)
+            .collect();
+        assert_eq!(
+            asks,
+            [1, 0].map(|value| Ask::WriteWord { address: 2, value })
+        );
     }
 
     #[test]
@@ -560,7 +700,11 @@ mod tests {
         connection.answer(after(5_001), call.ticket, ONE);
         assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]));
         connection.tick(after(5_100));
-        assert_eq!(connection.next_call(), None, "an expired call is not given out");
+        assert_eq!(
+            connection.next_call(),
+            None,
+            "an expired call is not given out"
+        );
     }
 
     #[test]
@@ -584,15 +728,25 @@ mod tests {
             (&[0, 9, 0, 0, 0xEA, 0x60], Malformed::Length(60_000)),
         ] {
             let mut connection = connection();
-            connection.receive(T0, &[&message(1, 7, &[7]), &read(2), bad, &read(3)].concat(), &never);
-            assert_eq!(connection.close_reason(), Some(CloseReason::Malformed(reason)));
+            connection.receive(
+                T0,
+                &[&message(1, 7, &[7]), &read(2), bad, &read(3)].concat(),
+                &never,
+            );
+            assert_eq!(
+                connection.close_reason(),
+                Some(CloseReason::Malformed(reason))
+            );
             assert_eq!(connection.output(), message(1, 7, &[0x87, 1]));
             assert!(!connection.wants_input() && connection.next_call().is_none());
             connection.receive(T0, &read(4), &never);
             connection.answer(T0, Ticket(0), ONE);
             connection.wrote(9);
             assert!(connection.output().is_empty());
-            assert_eq!((connection.next_wake(), connection.counters().requests), (None, 2));
+            assert_eq!(
+                (connection.next_wake(), connection.counters().requests),
+                (None, 2)
+            );
         }
     }
 
@@ -605,18 +759,32 @@ mod tests {
         assert_eq!(connection.next_wake(), Some(after(5_000)));
         connection.receive(after(4_500), &stream[11..13], &never);
         connection.tick(after(5_000));
-        assert_eq!(connection.close_reason(), None, "the second message began later");
+        assert_eq!(
+            connection.close_reason(),
+            None,
+            "the second message began later"
+        );
         connection.receive(after(9_499), &stream[13..23], &never);
         connection.tick(after(9_499));
         assert_eq!(connection.close_reason(), None);
         connection.tick(after(9_500));
         assert_eq!(connection.close_reason(), Some(CloseReason::BodyTimeout));
-        assert_eq!(connection.output(), message(1, 7, &[0x83, 0x0B]), "what was due before still goes");
+        assert_eq!(
+            connection.output(),
+            message(1, 7, &[0x83, 0x0B]),
+            "what was due before still goes"
+        );
     }
 
     #[test]
     fn a_connection_is_idle_from_its_last_request_or_answer() {
-        let mut connection = Connection::new(Limits { answer_within: Duration::MAX, ..Limits::default() }, T0);
+        let mut connection = Connection::new(
+            Limits {
+                answer_within: Duration::MAX,
+                ..Limits::default()
+            },
+            T0,
+        );
         assert_eq!(connection.next_wake(), Some(after(600_000)));
         connection.receive(after(599_999), &read(1), &never);
         let ticket = connection.next_call().unwrap().ticket;
@@ -665,20 +833,31 @@ mod tests {
     #[test]
     fn buffers_are_given_back() {
         let mut connection = connection();
-        assert_eq!(connection.input.capacity() + connection.output.capacity() + connection.calls.capacity(), 0);
+        assert_eq!(
+            connection.input.capacity()
+                + connection.output.capacity()
+                + connection.calls.capacity(),
+            0
+        );
         let stream: Vec<u8> = (0..2_000).flat_map(|n| message(n, 7, &[1])).collect();
         connection.receive(T0, &stream[..1], &never);
         connection.receive(T0, &stream[1..], &never);
         connection.wrote(usize::MAX);
         assert!(connection.input.capacity() <= Connection::KEEP_BYTES);
         assert!(connection.output.capacity() <= Connection::KEEP_BYTES);
-        assert!(std::mem::size_of::<Connection>() <= 512, "10,000 idle connections must be small");
+        assert!(
+            std::mem::size_of::<Connection>() <= 512,
+            "10,000 idle connections must be small"
+        );
     }
 
     #[test]
     fn close_reasons_can_be_read() {
         let reason = CloseReason::Malformed(Malformed::Length(1));
-        assert_eq!(reason.to_string(), "not Modbus TCP: length 1 is outside 2 to 254");
+        assert_eq!(
+            reason.to_string(),
+            "not Modbus TCP: length 1 is outside 2 to 254"
+        );
     }
 
     proptest! {

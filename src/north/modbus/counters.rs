@@ -20,6 +20,10 @@ impl Counters {
     /// One exception with this code was answered.
     pub(super) fn count_exception(&mut self, code: u8) {
         let place = usize::from(code);
-        self.exceptions[if place < Self::EXCEPTION_CODES { place } else { 0 }] += 1;
+        self.exceptions[if place < Self::EXCEPTION_CODES {
+            place
+        } else {
+            0
+        }] += 1;
     }
 }

@@ -25,6 +25,11 @@ pub const COIL_ON: u16 = 0xFF00;
 pub const fn writes(code: u8) -> bool {
     matches!(
         code,
-        WRITE_COIL | function::WRITE_SINGLE | WRITE_COILS | function::WRITE_MULTIPLE | MASK_WRITE | READ_WRITE
+        WRITE_COIL
+            | function::WRITE_SINGLE
+            | WRITE_COILS
+            | function::WRITE_MULTIPLE
+            | MASK_WRITE
+            | READ_WRITE
     )
 }

@@ -3,7 +3,11 @@
 use crate::wire::exception;
 
 /// The basic objects by their numbers: vendor name, product code, revision.
-const OBJECTS: [&str; 3] = ["vfd-gateway", env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION")];
+const OBJECTS: [&str; 3] = [
+    "vfd-gateway",
+    env!("CARGO_PKG_NAME"),
+    env!("CARGO_PKG_VERSION"),
+];
 
 /// The basic objects only, as a stream or one by one (V1.1b3, 6.21).
 const CONFORMITY: u8 = 0x81;
@@ -30,7 +34,10 @@ pub fn read(access: u8, object: u8) -> Result<Vec<u8>, u8> {
     };
     let mut out = vec![TRANSPORT, access, CONFORMITY, 0, 0, last - first];
     for number in first..last {
-        let text = OBJECTS.get(usize::from(number)).copied().unwrap_or_default();
+        let text = OBJECTS
+            .get(usize::from(number))
+            .copied()
+            .unwrap_or_default();
         out.extend([number, text.len() as u8]);
         out.extend_from_slice(text.as_bytes());
     }
@@ -55,12 +62,23 @@ mod tests {
         for access in [1, 2, 3] {
             let all = [&[0x0E, access, 0x81, 0, 0, 3][..], &objects(0)].concat();
             assert_eq!(read(access, 0).unwrap(), all);
-            assert_eq!(read(access, 3).unwrap(), all, "not there: from the beginning");
+            assert_eq!(
+                read(access, 3).unwrap(),
+                all,
+                "not there: from the beginning"
+            );
             assert_eq!(read(access, 0xFF).unwrap(), all);
-            assert_eq!(read(access, 2).unwrap(), [&[0x0E, access, 0x81, 0, 0, 1][..], &objects(2)].concat());
+            assert_eq!(
+                read(access, 2).unwrap(),
+                [&[0x0E, access, 0x81, 0, 0, 1][..], &objects(2)].concat()
+            );
         }
         assert!(objects(0).starts_with(b"\x00\x0bvfd-gateway"));
-        assert!(read(1, 0).unwrap().ends_with(env!("CARGO_PKG_VERSION").as_bytes()));
+        assert!(
+            read(1, 0)
+                .unwrap()
+                .ends_with(env!("CARGO_PKG_VERSION").as_bytes())
+        );
     }
 
     #[test]

@@ -83,11 +83,27 @@ pub struct MapRow {
     pub each: Each,
 }
 
-pub(super) const fn row(unit: MapUnit, table: MapTable, address: u16, name: &'static str, holds: Holds) -> MapRow {
+pub(super) const fn row(
+    unit: MapUnit,
+    table: MapTable,
+    address: u16,
+    name: &'static str,
+    holds: Holds,
+) -> MapRow {
     let absent = None;
     let access = MapAccess::Read;
     let each = Each::Once;
-    MapRow { unit, table, address, count: 1, name, holds, absent, access, each }
+    MapRow {
+        unit,
+        table,
+        address,
+        count: 1,
+        name,
+        holds,
+        absent,
+        access,
+        each,
+    }
 }
 
 impl MapRow {
@@ -96,15 +112,24 @@ impl MapRow {
     }
 
     pub(super) const fn written(self) -> Self {
-        Self { access: MapAccess::ReadWrite, ..self }
+        Self {
+            access: MapAccess::ReadWrite,
+            ..self
+        }
     }
 
     pub(super) const fn or_absent(self) -> Self {
-        Self { absent: Some(ABSENT), ..self }
+        Self {
+            absent: Some(ABSENT),
+            ..self
+        }
     }
 
     pub(super) const fn signed(self) -> Self {
-        Self { absent: Some(ABSENT_SIGNED), ..self }
+        Self {
+            absent: Some(ABSENT_SIGNED),
+            ..self
+        }
     }
 
     /// Whether it holds two's complement.
@@ -128,11 +153,18 @@ const fn head(address: u16, name: &'static str, holds: Holds) -> MapRow {
 
 const fn line(offset: u16, count: u16, name: &'static str, holds: Holds) -> MapRow {
     let row = head(own::LINES + offset, name, holds).or_absent();
-    MapRow { count, each: Each::Line(own::LINE_WORDS), ..row }
+    MapRow {
+        count,
+        each: Each::Line(own::LINE_WORDS),
+        ..row
+    }
 }
 
 const fn drive(offset: u16, name: &'static str, holds: Holds) -> MapRow {
-    MapRow { each: Each::Drive(own::DRIVE_WORDS), ..head(own::DRIVES + offset, name, holds).or_absent() }
+    MapRow {
+        each: Each::Drive(own::DRIVE_WORDS),
+        ..head(own::DRIVES + offset, name, holds).or_absent()
+    }
 }
 
 const YES: Holds = Holds::Codes("1 yes");
@@ -176,9 +208,24 @@ const MAP: [MapRow; ROWS] = {
 
 /// Coils and discrete inputs of a uniform unit.
 const BITS: [MapRow; BIT_ROWS] = [
-    coil(MapUnit::Uniform, address::FORWARD, "run forward", "1 run, 0 stop"),
-    coil(MapUnit::Uniform, address::REVERSE, "run in reverse", "1 run, 0 stop"),
-    coil(MapUnit::Uniform, address::RESET, "reset a trip", "1 acts, reads 0"),
+    coil(
+        MapUnit::Uniform,
+        address::FORWARD,
+        "run forward",
+        "1 run, 0 stop",
+    ),
+    coil(
+        MapUnit::Uniform,
+        address::REVERSE,
+        "run in reverse",
+        "1 run, 0 stop",
+    ),
+    coil(
+        MapUnit::Uniform,
+        address::RESET,
+        "reset a trip",
+        "1 acts, reads 0",
+    ),
     coil(MapUnit::Uniform, address::STOP, "stop", "1 acts, reads 0"),
     status(0, "online"),
     status(1, "running"),
@@ -194,12 +241,24 @@ const BITS: [MapRow; BIT_ROWS] = [
     status(11, "alarm of the drive"),
     status(12, "warning of the drive"),
     status(13, "gateway on standby, another one is active"),
-    row(MapUnit::Uniform, MapTable::Discrete, 14, "reserved", RESERVED).words(2),
+    row(
+        MapUnit::Uniform,
+        MapTable::Discrete,
+        14,
+        "reserved",
+        RESERVED,
+    )
+    .words(2),
 ];
 
 /// The maps of the gateway's own unit.
 const OWN: [MapRow; OWN_ROWS] = [
-    coil(MapUnit::Own, own::STOP_ALL, "stop all drives", "1 acts, reads 0"),
+    coil(
+        MapUnit::Own,
+        own::STOP_ALL,
+        "stop all drives",
+        "1 acts, reads 0",
+    ),
     head(0, "map version", Holds::Number("1")),
     head(1, "life counter, wraps", SECONDS),
     head(2, "lines", Holds::Number("")),
@@ -266,29 +325,43 @@ mod tests {
     }
 
     fn plant() -> (Plant, DriveView) {
-        (Plant(Uniform::new(&testing::description())), testing::view())
+        (
+            Plant(Uniform::new(&testing::description())),
+            testing::view(),
+        )
     }
 
     fn asked((plant, view): &(Plant, DriveView), unit: MapUnit, ask: &Ask) -> bool {
-        let present = Present { now: NOW, uptime_s: 0, owner: Owner::Mqtt, standby: None };
+        let present = Present {
+            now: NOW,
+            uptime_s: 0,
+            owner: Owner::Mqtt,
+            standby: None,
+        };
         let mut words = Words::default();
         let taken = match unit {
             MapUnit::Uniform => plant.0.take(ask, view, &present, &mut words),
             MapUnit::Own => own::take(own::UNIT, ask, plant, &present, &mut words),
         };
-        !matches!(taken, Taken::Exception(_) | Taken::Refused(Reason::NotListed | Reason::NotCapable))
+        !matches!(
+            taken,
+            Taken::Exception(_) | Taken::Refused(Reason::NotListed | Reason::NotCapable)
+        )
     }
 
     fn is_listed(unit: MapUnit, tables: &[MapTable], address: u16, is_written: bool) -> bool {
-        map().iter().filter(|row| row.unit == unit && tables.contains(&row.table)).any(|row| {
-            let (step, times) = match row.each {
-                Each::Once => (0, 1),
-                Each::Line(step) | Each::Drive(step) => (step, 2),
-            };
-            let mut firsts = (0..times).map(|time| row.address + time * step);
-            let may = !is_written || row.access == MapAccess::ReadWrite;
-            may && firsts.any(|first| (first..first + row.count).contains(&address))
-        })
+        map()
+            .iter()
+            .filter(|row| row.unit == unit && tables.contains(&row.table))
+            .any(|row| {
+                let (step, times) = match row.each {
+                    Each::Once => (0, 1),
+                    Each::Line(step) | Each::Drive(step) => (step, 2),
+                };
+                let mut firsts = (0..times).map(|time| row.address + time * step);
+                let may = !is_written || row.access == MapAccess::ReadWrite;
+                may && firsts.any(|first| (first..first + row.count).contains(&address))
+            })
     }
 
     #[test]
@@ -301,13 +374,32 @@ mod tests {
                     (WordTable::Input, &[MapTable::Word]),
                 ] {
                     let listed = is_listed(unit, tables, address, false);
-                    let ask = Ask::ReadWords { table, address, count: 1 };
-                    assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {table:?} {address}");
+                    let ask = Ask::ReadWords {
+                        table,
+                        address,
+                        count: 1,
+                    };
+                    assert_eq!(
+                        asked(&plant, unit, &ask),
+                        listed,
+                        "{unit:?} {table:?} {address}"
+                    );
                 }
-                for (table, listed) in [(BitTable::Coils, MapTable::Coil), (BitTable::Discrete, MapTable::Discrete)] {
+                for (table, listed) in [
+                    (BitTable::Coils, MapTable::Coil),
+                    (BitTable::Discrete, MapTable::Discrete),
+                ] {
                     let listed = is_listed(unit, &[listed], address, false);
-                    let ask = Ask::ReadBits { table, address, count: 1 };
-                    assert_eq!(asked(&plant, unit, &ask), listed, "{unit:?} {table:?} {address}");
+                    let ask = Ask::ReadBits {
+                        table,
+                        address,
+                        count: 1,
+                    };
+                    assert_eq!(
+                        asked(&plant, unit, &ask),
+                        listed,
+                        "{unit:?} {table:?} {address}"
+                    );
                 }
             }
         }
@@ -336,9 +428,18 @@ mod tests {
         Arc::make_mut(&mut drive.model).registers.clear();
         let uniform = Uniform::new(&drive);
         let view = DriveView::default();
-        let present = Present { now: NOW, uptime_s: 7, owner: Owner::Mqtt, standby: None };
+        let present = Present {
+            now: NOW,
+            uptime_s: 7,
+            owner: Owner::Mqtt,
+            standby: None,
+        };
         let is_word = |row: &&MapRow| matches!(row.table, MapTable::Word | MapTable::Holding);
-        for row in map().iter().filter(is_word).filter(|row| row.unit == MapUnit::Uniform) {
+        for row in map()
+            .iter()
+            .filter(is_word)
+            .filter(|row| row.unit == MapUnit::Uniform)
+        {
             for address in row.address..row.address + row.count {
                 let word = uniform.word(address, &view, &present).unwrap();
                 let is_absent = [ABSENT, ABSENT_SIGNED].contains(&word);
@@ -347,7 +448,10 @@ mod tests {
             }
         }
         let (full, view) = plant();
-        for row in map().iter().filter(|row| row.unit == MapUnit::Uniform && row.absent.is_some()) {
+        for row in map()
+            .iter()
+            .filter(|row| row.unit == MapUnit::Uniform && row.absent.is_some())
+        {
             let word = full.0.word(row.address, &view, &present).unwrap();
             // Nothing was accepted so far.
             let is_given = row.address != address::SETPOINT;
@@ -361,8 +465,12 @@ mod tests {
         for pair in map().windows(2) {
             let place = |row: &MapRow| (row.unit, row.table, row.address);
             assert!(place(&pair[0]) < place(&pair[1]), "{pair:?}");
-            let is_same = place(&pair[0]).0 == place(&pair[1]).0 && place(&pair[0]).1 == place(&pair[1]).1;
-            assert!(!is_same || pair[0].address + pair[0].count <= pair[1].address, "{pair:?}");
+            let is_same =
+                place(&pair[0]).0 == place(&pair[1]).0 && place(&pair[0]).1 == place(&pair[1]).1;
+            assert!(
+                !is_same || pair[0].address + pair[0].count <= pair[1].address,
+                "{pair:?}"
+            );
         }
     }
 }

@@ -34,17 +34,25 @@ pub fn recall(
         let here = next;
         next = drive.model.next_address(here);
         // What arrived at the same moment came in one frame.
-        view.snapshot.reading(here).filter(|reading| reading.at == at).map(|reading| reading.raw)
+        view.snapshot
+            .reading(here)
+            .filter(|reading| reading.at == at)
+            .map(|reading| reading.raw)
     });
-    let may_be = at > settled_at && is_complete && longest_age(drive, address, count).is_some_and(|most| age <= most);
+    let may_be = at > settled_at
+        && is_complete
+        && longest_age(drive, address, count).is_some_and(|most| age <= most);
     may_be.then_some(age)
 }
 
 /// The shortest poll period of the registers in a read; `None` if one is not polled, or not read as a whole.
 fn longest_age(drive: &DriveDescription, first: Address, count: u16) -> Option<Duration> {
     let model: &Model = &drive.model;
-    let addresses = std::iter::successors(Some(first), |address| Some(model.next_address(*address)));
-    let periods = addresses.take(count.into()).map(|it| Some(drive.pace.period(model.polled_at(it, first, count)?)));
+    let addresses =
+        std::iter::successors(Some(first), |address| Some(model.next_address(*address)));
+    let periods = addresses
+        .take(count.into())
+        .map(|it| Some(drive.pace.period(model.polled_at(it, first, count)?)));
     periods.collect::<Option<Vec<_>>>()?.into_iter().min()
 }
 
@@ -59,13 +67,28 @@ mod tests {
     /// The drive of the other tests, whose last order was over a second before its words were read.
     fn settled() -> DriveView {
         let mut view = view();
-        view.orders = OrdersView { taken: 3, settled_at: Some(NOW.before(PERIOD)) };
+        view.orders = OrdersView {
+            taken: 3,
+            settled_at: Some(NOW.before(PERIOD)),
+        };
         view
     }
 
-    fn recalled(view: &DriveView, orders: u64, (address, count): (Address, u16), now: MonoTime) -> Option<Vec<u16>> {
+    fn recalled(
+        view: &DriveView,
+        orders: u64,
+        (address, count): (Address, u16),
+        now: MonoTime,
+    ) -> Option<Vec<u16>> {
         let mut words = Words::default();
-        let age = recall(&description(), view, orders, (address, count), now, &mut words)?;
+        let age = recall(
+            &description(),
+            view,
+            orders,
+            (address, count),
+            now,
+            &mut words,
+        )?;
         assert_eq!(age, now.since(NOW));
         Some(words.as_slice().to_vec())
     }
@@ -73,18 +96,55 @@ mod tests {
     #[test]
     fn the_words_of_one_frame_are_remembered_for_one_period() {
         let view = settled();
-        assert_eq!(recalled(&view, 3, (FIRST, 3), NOW), Some(vec![4250, 1234, 380]));
-        assert_eq!(recalled(&view, 3, (FIRST, 1), NOW + PERIOD), Some(vec![4250]));
-        assert_eq!(recalled(&view, 3, (FIRST, 1), NOW + PERIOD + Duration::from_millis(1)), None);
-        assert_eq!(recalled(&view, 3, (FIRST, 11), NOW), None, "beyond what was read");
-        assert_eq!(recalled(&view, 3, (Address::holding(0x0100), 2), NOW), None, "before it");
-        assert_eq!(recalled(&view, 3, (Address::new(crate::domain::address::Table::Input, 0x0101), 1), NOW), None);
+        assert_eq!(
+            recalled(&view, 3, (FIRST, 3), NOW),
+            Some(vec![4250, 1234, 380])
+        );
+        assert_eq!(
+            recalled(&view, 3, (FIRST, 1), NOW + PERIOD),
+            Some(vec![4250])
+        );
+        assert_eq!(
+            recalled(
+                &view,
+                3,
+                (FIRST, 1),
+                NOW + PERIOD + Duration::from_millis(1)
+            ),
+            None
+        );
+        assert_eq!(
+            recalled(&view, 3, (FIRST, 11), NOW),
+            None,
+            "beyond what was read"
+        );
+        assert_eq!(
+            recalled(&view, 3, (Address::holding(0x0100), 2), NOW),
+            None,
+            "before it"
+        );
+        assert_eq!(
+            recalled(
+                &view,
+                3,
+                (
+                    Address::new(crate::domain::address::Table::Input, 0x0101),
+                    1
+                ),
+                NOW
+            ),
+            None
+        );
     }
 
     #[test]
     fn words_of_two_frames_are_no_answer() {
         let mut view = settled();
-        view.snapshot.take(0x0103_u16.into(), &[381], NOW.before(Duration::from_millis(40)));
+        view.snapshot.take(
+            0x0103_u16.into(),
+            &[381],
+            NOW.before(Duration::from_millis(40)),
+        );
         assert_eq!(recalled(&view, 3, (FIRST, 2), NOW), Some(vec![4250, 1234]));
         assert_eq!(recalled(&view, 3, (FIRST, 3), NOW), None);
     }
@@ -92,11 +152,23 @@ mod tests {
     #[test]
     fn what_is_not_newer_than_every_order_is_no_answer() {
         let mut view = settled();
-        assert_eq!(recalled(&view, 4, (FIRST, 1), NOW), None, "an order that the line has not taken");
+        assert_eq!(
+            recalled(&view, 4, (FIRST, 1), NOW),
+            None,
+            "an order that the line has not taken"
+        );
         view.orders.settled_at = Some(NOW);
-        assert_eq!(recalled(&view, 3, (FIRST, 1), NOW), None, "an order of the same moment");
+        assert_eq!(
+            recalled(&view, 3, (FIRST, 1), NOW),
+            None,
+            "an order of the same moment"
+        );
         view.orders.settled_at = None;
-        assert_eq!(recalled(&view, 3, (FIRST, 1), NOW), None, "an order in progress");
+        assert_eq!(
+            recalled(&view, 3, (FIRST, 1), NOW),
+            None,
+            "an order in progress"
+        );
     }
 
     #[test]

@@ -14,31 +14,66 @@ use crate::wire::exception;
 /// 01: a native unit has only the functions 03, 04, 06, 08 and 10 hex, those of bits where its drive has such, and of 08
 /// only what the drive serves.
 pub fn ask_of(model: &Model, ask: Ask) -> Result<NativeAsk, u8> {
-    let has = |table| model.registers.iter().any(|register| register.address.table() == table);
+    let has = |table| {
+        model
+            .registers
+            .iter()
+            .any(|register| register.address.table() == table)
+    };
     match ask {
-        Ask::ReadWords { table, address, count } => {
+        Ask::ReadWords {
+            table,
+            address,
+            count,
+        } => {
             let is_input = table == WordTable::Input && has(Table::Input);
-            let table = if is_input { Table::Input } else { Table::Holding };
-            Ok(NativeAsk::Read { address: Address::new(table, address), count })
+            let table = if is_input {
+                Table::Input
+            } else {
+                Table::Holding
+            };
+            Ok(NativeAsk::Read {
+                address: Address::new(table, address),
+                count,
+            })
         }
-        Ask::ReadBits { table, address, count } => {
+        Ask::ReadBits {
+            table,
+            address,
+            count,
+        } => {
             let table = match table {
                 BitTable::Coils => Table::Coil,
                 BitTable::Discrete => Table::Discrete,
             };
-            let read = NativeAsk::Read { address: Address::new(table, address), count };
-            has(table).then_some(read).ok_or(exception::ILLEGAL_FUNCTION)
+            let read = NativeAsk::Read {
+                address: Address::new(table, address),
+                count,
+            };
+            has(table)
+                .then_some(read)
+                .ok_or(exception::ILLEGAL_FUNCTION)
         }
-        Ask::WriteCoil { .. } | Ask::WriteCoils { .. } if !has(Table::Coil) => Err(exception::ILLEGAL_FUNCTION),
-        Ask::WriteCoil { address, on } => {
-            Ok(NativeAsk::Write { address: Address::new(Table::Coil, address), values: vec![on.into()] })
+        Ask::WriteCoil { .. } | Ask::WriteCoils { .. } if !has(Table::Coil) => {
+            Err(exception::ILLEGAL_FUNCTION)
         }
-        Ask::WriteCoils { address, values } => {
-            Ok(NativeAsk::Write { address: Address::new(Table::Coil, address), values: bits(&values) })
-        }
+        Ask::WriteCoil { address, on } => Ok(NativeAsk::Write {
+            address: Address::new(Table::Coil, address),
+            values: vec![on.into()],
+        }),
+        Ask::WriteCoils { address, values } => Ok(NativeAsk::Write {
+            address: Address::new(Table::Coil, address),
+            values: bits(&values),
+        }),
         Ask::LoopTest { data } => Ok(NativeAsk::Loop { data }),
-        Ask::WriteWord { address, value } => Ok(NativeAsk::Write { address: address.into(), values: vec![value] }),
-        Ask::WriteWords { address, values } => Ok(NativeAsk::Write { address: address.into(), values }),
+        Ask::WriteWord { address, value } => Ok(NativeAsk::Write {
+            address: address.into(),
+            values: vec![value],
+        }),
+        Ask::WriteWords { address, values } => Ok(NativeAsk::Write {
+            address: address.into(),
+            values,
+        }),
         _ => Err(exception::ILLEGAL_FUNCTION),
     }
 }
@@ -64,7 +99,9 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
     let (address, values) = match ask {
         Ask::WriteWord { address, value } => (Address::holding(*address), vec![*value]),
         Ask::WriteWords { address, values } => (Address::holding(*address), values.clone()),
-        Ask::WriteCoil { address, on } => (Address::new(Table::Coil, *address), vec![u16::from(*on)]),
+        Ask::WriteCoil { address, on } => {
+            (Address::new(Table::Coil, *address), vec![u16::from(*on)])
+        }
         Ask::WriteCoils { address, values } => (Address::new(Table::Coil, *address), bits(values)),
         _ => return false,
     };
@@ -74,12 +111,17 @@ pub fn is_stop(model: &Model, ask: &Ask) -> bool {
 
 /// Each bit as a word, 0 or 1.
 fn bits(values: &Bits) -> Vec<u16> {
-    (0..values.count()).filter_map(|place| values.get(place)).map(u16::from).collect()
+    (0..values.count())
+        .filter_map(|place| values.get(place))
+        .map(u16::from)
+        .collect()
 }
 
 const fn exception_of(why: Refusal) -> u8 {
     match why {
-        Refusal::NoSuchUnit | Refusal::LineDown | Refusal::Standby => exception::GATEWAY_PATH_UNAVAILABLE,
+        Refusal::NoSuchUnit | Refusal::LineDown | Refusal::Standby => {
+            exception::GATEWAY_PATH_UNAVAILABLE
+        }
         Refusal::Guard(reason) => refusal::exception_of(reason),
         Refusal::TooManyFrames => exception::ILLEGAL_DATA_VALUE,
         Refusal::QueueFull => exception::SERVER_DEVICE_BUSY,
@@ -100,13 +142,22 @@ mod tests {
     #[test]
     fn reads_and_register_writes_are_native_and_nothing_else() {
         let model = testing::description().model;
-        let read = NativeAsk::Read { address: 0x0101_u16.into(), count: 2 };
+        let read = NativeAsk::Read {
+            address: 0x0101_u16.into(),
+            count: 2,
+        };
         assert_eq!(ask_of(&model, ask(&[3, 1, 1, 0, 2])), Ok(read.clone()));
         assert_eq!(ask_of(&model, ask(&[4, 1, 1, 0, 2])), Ok(read));
-        let write = NativeAsk::Write { address: 2_u16.into(), values: vec![1] };
+        let write = NativeAsk::Write {
+            address: 2_u16.into(),
+            values: vec![1],
+        };
         assert_eq!(ask_of(&model, ask(&[6, 0, 2, 0, 1])), Ok(write.clone()));
         assert_eq!(ask_of(&model, ask(&[0x10, 0, 2, 0, 1, 2, 0, 1])), Ok(write));
-        assert_eq!(ask_of(&model, ask(&[8, 0, 0, 0xA5, 0x37])), Ok(NativeAsk::Loop { data: 0xA537 }));
+        assert_eq!(
+            ask_of(&model, ask(&[8, 0, 0, 0xA5, 0x37])),
+            Ok(NativeAsk::Loop { data: 0xA537 })
+        );
         for other in [
             &[1, 0, 0, 0, 1][..],
             &[2, 0, 0, 0, 1],
@@ -125,14 +176,39 @@ mod tests {
         let text = include_str!("../../../tests/golden/models/coils.toml");
         let model = crate::profile::check::model(text).unwrap();
         let at = |table, number| Address::new(table, number);
-        let read = |table, number, count| Ok(NativeAsk::Read { address: at(table, number), count });
-        assert_eq!(ask_of(&model, ask(&[1, 0, 0, 0, 9])), read(Table::Coil, 0, 9));
-        assert_eq!(ask_of(&model, ask(&[2, 0, 1, 0, 1])), read(Table::Discrete, 1, 1));
-        assert_eq!(ask_of(&model, ask(&[3, 0, 1, 0, 1])), read(Table::Holding, 1, 1));
-        assert_eq!(ask_of(&model, ask(&[4, 0x10, 0, 0, 2])), read(Table::Input, 0x1000, 2));
-        let write = |number, values| Ok(NativeAsk::Write { address: at(Table::Coil, number), values });
+        let read = |table, number, count| {
+            Ok(NativeAsk::Read {
+                address: at(table, number),
+                count,
+            })
+        };
+        assert_eq!(
+            ask_of(&model, ask(&[1, 0, 0, 0, 9])),
+            read(Table::Coil, 0, 9)
+        );
+        assert_eq!(
+            ask_of(&model, ask(&[2, 0, 1, 0, 1])),
+            read(Table::Discrete, 1, 1)
+        );
+        assert_eq!(
+            ask_of(&model, ask(&[3, 0, 1, 0, 1])),
+            read(Table::Holding, 1, 1)
+        );
+        assert_eq!(
+            ask_of(&model, ask(&[4, 0x10, 0, 0, 2])),
+            read(Table::Input, 0x1000, 2)
+        );
+        let write = |number, values| {
+            Ok(NativeAsk::Write {
+                address: at(Table::Coil, number),
+                values,
+            })
+        };
         assert_eq!(ask_of(&model, ask(&[5, 0, 1, 0xFF, 0])), write(1, vec![1]));
-        assert_eq!(ask_of(&model, ask(&[0x0F, 0, 0, 0, 2, 1, 0b10])), write(0, vec![0, 1]));
+        assert_eq!(
+            ask_of(&model, ask(&[0x0F, 0, 0, 0, 2, 1, 0b10])),
+            write(0, vec![0, 1])
+        );
         for (pdu, stops) in [
             (&[5, 0, 0, 0, 0][..], true),
             (&[5, 0, 0, 0xFF, 0], false),
@@ -148,18 +224,39 @@ mod tests {
 
     #[test]
     fn every_outcome_is_one_answer() {
-        assert_eq!(answer_of(&NativeOutcome::Words([1, 2].into())), Answer::Words(&[1, 2]));
+        assert_eq!(
+            answer_of(&NativeOutcome::Words([1, 2].into())),
+            Answer::Words(&[1, 2])
+        );
         assert_eq!(answer_of(&NativeOutcome::Written), Answer::Written);
         for (outcome, code) in [
             (NativeOutcome::KeptOldValue(7), 4),
-            (NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }, 2),
-            (NativeOutcome::DriveException { code: 0x21, reason: Reason::DriveBusy }, 0x21),
+            (
+                NativeOutcome::DriveException {
+                    code: 2,
+                    reason: Reason::DriveException,
+                },
+                2,
+            ),
+            (
+                NativeOutcome::DriveException {
+                    code: 0x21,
+                    reason: Reason::DriveBusy,
+                },
+                0x21,
+            ),
             (NativeOutcome::Refused(Refusal::NoSuchUnit), 0x0A),
             (NativeOutcome::Refused(Refusal::LineDown), 0x0A),
             (NativeOutcome::Refused(Refusal::Guard(Reason::ReadOnly)), 1),
             (NativeOutcome::Refused(Refusal::Guard(Reason::NotListed)), 2),
-            (NativeOutcome::Refused(Refusal::Guard(Reason::OutsideLimits)), 3),
-            (NativeOutcome::Refused(Refusal::Guard(Reason::OtherOwner)), 6),
+            (
+                NativeOutcome::Refused(Refusal::Guard(Reason::OutsideLimits)),
+                3,
+            ),
+            (
+                NativeOutcome::Refused(Refusal::Guard(Reason::OtherOwner)),
+                6,
+            ),
             (NativeOutcome::Refused(Refusal::TooManyFrames), 3),
             (NativeOutcome::Refused(Refusal::QueueFull), 6),
             (NativeOutcome::Superseded, 6),
@@ -190,15 +287,40 @@ mod tests {
     #[test]
     fn a_zero_is_a_stop_where_the_model_says_what_the_drive_makes_of_it() {
         use crate::profile::check;
-        let write = |word: u16| Ask::WriteWord { address: 0x2000, value: word };
+        let write = |word: u16| Ask::WriteWord {
+            address: 0x2000,
+            value: word,
+        };
         for (text, stop, forward) in [
-            (include_str!("../../../tests/golden/models/zero-ignored.toml"), 0x043C, 0x047C),
-            (include_str!("../../../tests/golden/models/zero-nothing.toml"), 0x0001, 0x0012),
-            (include_str!("../../../tests/golden/models/zero-coast.toml"), 0x0006, 0x0007),
+            (
+                include_str!("../../../tests/golden/models/zero-ignored.toml"),
+                0x043C,
+                0x047C,
+            ),
+            (
+                include_str!("../../../tests/golden/models/zero-nothing.toml"),
+                0x0001,
+                0x0012,
+            ),
+            (
+                include_str!("../../../tests/golden/models/zero-coast.toml"),
+                0x0006,
+                0x0007,
+            ),
         ] {
             let mut model = check::model(text).unwrap();
-            for (word, stops) in [(0, true), (stop, true), (forward, false), (stop | forward | 0x8000, false)] {
-                assert_eq!(is_stop(&model, &write(word)), stops, "{}: {word:04X}", model.id);
+            for (word, stops) in [
+                (0, true),
+                (stop, true),
+                (forward, false),
+                (stop | forward | 0x8000, false),
+            ] {
+                assert_eq!(
+                    is_stop(&model, &write(word)),
+                    stops,
+                    "{}: {word:04X}",
+                    model.id
+                );
             }
             model.run.as_mut().unwrap().zero = None;
             assert!(!is_stop(&model, &write(0)), "{}", model.id);

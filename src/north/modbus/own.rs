@@ -52,11 +52,24 @@ pub trait Gateway {
 }
 
 /// What `ask` means to `unit`, which is [`UNIT`] or [`BROADCAST`]. Words are filled into `words`.
-pub fn take(unit: u8, ask: &Ask, gateway: &impl Gateway, present: &Present, words: &mut Words) -> Taken {
+pub fn take(
+    unit: u8,
+    ask: &Ask,
+    gateway: &impl Gateway,
+    present: &Present,
+    words: &mut Words,
+) -> Taken {
     match ask {
         Ask::ReadWords { address, count, .. } => read(*address, *count, gateway, present, words),
-        Ask::ReadBits { table: BitTable::Coils, address: STOP_ALL, count: 1 } => Taken::Bits { bits: 0, count: 1 },
-        Ask::ReadBits { table: BitTable::Coils, .. } => Taken::Exception(exception::ILLEGAL_DATA_ADDRESS),
+        Ask::ReadBits {
+            table: BitTable::Coils,
+            address: STOP_ALL,
+            count: 1,
+        } => Taken::Bits { bits: 0, count: 1 },
+        Ask::ReadBits {
+            table: BitTable::Coils,
+            ..
+        } => Taken::Exception(exception::ILLEGAL_DATA_ADDRESS),
         Ask::LoopTest { .. } => Taken::Nothing,
         Ask::Identify { access, object } => {
             identity::read(*access, *object).map_or_else(Taken::Exception, Taken::Identity)
@@ -75,8 +88,14 @@ pub fn take(unit: u8, ask: &Ask, gateway: &impl Gateway, present: &Present, word
 #[must_use]
 pub fn is_stop(unit: u8, ask: &Ask) -> bool {
     let on = match ask {
-        Ask::WriteCoil { address: STOP_ALL, on } => *on,
-        Ask::WriteCoils { address: STOP_ALL, values } => values.count() == 1 && values.get(0) == Some(true),
+        Ask::WriteCoil {
+            address: STOP_ALL,
+            on,
+        } => *on,
+        Ask::WriteCoils {
+            address: STOP_ALL,
+            values,
+        } => values.count() == 1 && values.get(0) == Some(true),
         _ => false,
     };
     on && unit == UNIT
@@ -90,7 +109,13 @@ fn coil(address: u16, count: u16, on: bool) -> Taken {
     }
 }
 
-fn read(address: u16, count: u16, gateway: &impl Gateway, present: &Present, words: &mut Words) -> Taken {
+fn read(
+    address: u16,
+    count: u16,
+    gateway: &impl Gateway,
+    present: &Present,
+    words: &mut Words,
+) -> Taken {
     // The words of one drive are read from one view.
     let mut drive = None;
     let is_filled = words.fill(address, count, |address| {
@@ -99,14 +124,20 @@ fn read(address: u16, count: u16, gateway: &impl Gateway, present: &Present, wor
             if drive.as_ref().is_none_or(|(held, _)| *held != place) {
                 drive = Some((place, drive_words(place, gateway, present)?));
             }
-            drive.as_ref().and_then(|(_, row)| row.get(usize::from(offset % DRIVE_WORDS)).copied())
+            drive
+                .as_ref()
+                .and_then(|(_, row)| row.get(usize::from(offset % DRIVE_WORDS)).copied())
         } else if let Some(offset) = address.checked_sub(LINES) {
             line_word(offset, gateway)
         } else {
             (address < HEAD_WORDS).then(|| head_word(address, gateway, present))
         }
     });
-    if is_filled { Taken::Words } else { Taken::Exception(exception::ILLEGAL_DATA_ADDRESS) }
+    if is_filled {
+        Taken::Words
+    } else {
+        Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
+    }
 }
 
 fn head_word(address: u16, gateway: &impl Gateway, present: &Present) -> u16 {
@@ -131,7 +162,9 @@ fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
     if place >= usize::from(LINES_MAX) {
         return None;
     }
-    let Some(report) = gateway.line(place) else { return Some(ABSENT) };
+    let Some(report) = gateway.line(place) else {
+        return Some(ABSENT);
+    };
     let counters = &report.counters;
     Some(match column {
         0 => u16::from(report.state == LineState::Up),
@@ -154,12 +187,21 @@ fn line_word(offset: u16, gateway: &impl Gateway) -> Option<u16> {
 }
 
 /// A drive that is not served here is absent; one that does not exist has no words.
-fn drive_words(place: usize, gateway: &impl Gateway, present: &Present) -> Option<[u16; DRIVE_WORDS as usize]> {
+fn drive_words(
+    place: usize,
+    gateway: &impl Gateway,
+    present: &Present,
+) -> Option<[u16; DRIVE_WORDS as usize]> {
     if place >= gateway.drives() {
         return None;
     }
-    let Some((unit, view)) = gateway.drive(place) else { return Some([ABSENT; DRIVE_WORDS as usize]) };
-    let present = Present { standby: gateway.standby(place), ..*present };
+    let Some((unit, view)) = gateway.drive(place) else {
+        return Some([ABSENT; DRIVE_WORDS as usize]);
+    };
+    let present = Present {
+        standby: gateway.standby(place),
+        ..*present
+    };
     Some(DRIVE_COLUMNS.map(|address| unit.word(address, &view, &present).unwrap_or(ABSENT)))
 }
 
@@ -193,7 +235,10 @@ mod tests {
 
     impl Plant {
         fn new() -> Self {
-            Self { unit: Uniform::new(&testing::description()), view: Arc::new(testing::view()) }
+            Self {
+                unit: Uniform::new(&testing::description()),
+                view: Arc::new(testing::view()),
+            }
         }
     }
 
@@ -214,7 +259,11 @@ mod tests {
                 queue_full: 12,
                 ..LineCounters::default()
             };
-            (place != 1).then_some(LineReport { state: LineState::Up, counters, ..LineReport::default() })
+            (place != 1).then_some(LineReport {
+                state: LineState::Up,
+                counters,
+                ..LineReport::default()
+            })
         }
 
         fn drives(&self) -> usize {
@@ -226,12 +275,20 @@ mod tests {
         }
 
         fn standby(&self, place: usize) -> Option<LineRole> {
-            [None, None, Some(LineRole::Listening)].get(place).copied().flatten()
+            [None, None, Some(LineRole::Listening)]
+                .get(place)
+                .copied()
+                .flatten()
         }
     }
 
     fn asked(unit: u8, pdu: &[u8]) -> (Taken, Vec<u16>) {
-        let present = Present { now: NOW, uptime_s: 0x0001_0007, owner: Owner::Mqtt, standby: None };
+        let present = Present {
+            now: NOW,
+            uptime_s: 0x0001_0007,
+            owner: Owner::Mqtt,
+            standby: None,
+        };
         let mut words = Words::default();
         let ask = parse(pdu).unwrap();
         let taken = match take(unit, &ask, &Plant::new(), &present, &mut words) {
@@ -272,13 +329,31 @@ mod tests {
 
     #[test]
     fn there_is_nothing_else() {
-        for (address, count) in
-            [(15, 2), (16, 1), (99, 1), (99, 2), (147, 2), (148, 1), (999, 1), (1023, 2), (1024, 1), (0xFFFF, 1)]
-        {
+        for (address, count) in [
+            (15, 2),
+            (16, 1),
+            (99, 1),
+            (99, 2),
+            (147, 2),
+            (148, 1),
+            (999, 1),
+            (1023, 2),
+            (1024, 1),
+            (0xFFFF, 1),
+        ] {
             let [high, low] = u16::to_be_bytes(address);
-            assert_eq!(asked(UNIT, &[3, high, low, 0, count]).0, Taken::Exception(2), "{address} {count}");
+            assert_eq!(
+                asked(UNIT, &[3, high, low, 0, count]).0,
+                Taken::Exception(2),
+                "{address} {count}"
+            );
         }
-        for pdu in [&[1, 0, 0, 0, 2][..], &[1, 0, 1, 0, 1], &[5, 0, 1, 0xFF, 0], &[0x0F, 0, 0, 0, 2, 1, 1]] {
+        for pdu in [
+            &[1, 0, 0, 0, 2][..],
+            &[1, 0, 1, 0, 1],
+            &[5, 0, 1, 0xFF, 0],
+            &[0x0F, 0, 0, 0, 2, 1, 1],
+        ] {
             assert_eq!(asked(UNIT, pdu).0, Taken::Exception(2), "{pdu:?}");
         }
         for pdu in [
@@ -307,14 +382,20 @@ mod tests {
             assert_eq!(asked(BROADCAST, pdu).0, Taken::Exception(1), "{pdu:?}");
         }
         for unit in [UNIT, BROADCAST] {
-            assert_eq!(asked(unit, &[1, 0, 0, 0, 1]).0, Taken::Bits { bits: 0, count: 1 });
+            assert_eq!(
+                asked(unit, &[1, 0, 0, 0, 1]).0,
+                Taken::Bits { bits: 0, count: 1 }
+            );
         }
     }
 
     #[test]
     fn the_gateway_says_who_it_is() {
         for unit in [UNIT, BROADCAST] {
-            assert_eq!(asked(unit, &[0x2B, 0x0E, 4, 0]).0, Taken::Identity(identity::read(4, 0).unwrap()));
+            assert_eq!(
+                asked(unit, &[0x2B, 0x0E, 4, 0]).0,
+                Taken::Identity(identity::read(4, 0).unwrap())
+            );
             assert_eq!(asked(unit, &[0x2B, 0x0E, 4, 9]).0, Taken::Exception(2));
             assert_eq!(asked(unit, &[0x2B, 0x0E, 9, 0]).0, Taken::Exception(3));
         }

@@ -83,7 +83,9 @@ pub const fn exception_of(reason: Reason) -> u8 {
         Reason::LineDown | Reason::Standby | Reason::Offline | Reason::UnknownDrive => {
             exception::GATEWAY_PATH_UNAVAILABLE
         }
-        Reason::Stale | Reason::ClockAhead | Reason::TooLate | Reason::NoReply => exception::GATEWAY_TARGET_FAILED,
+        Reason::Stale | Reason::ClockAhead | Reason::TooLate | Reason::NoReply => {
+            exception::GATEWAY_TARGET_FAILED
+        }
     }
 }
 
@@ -103,7 +105,11 @@ pub fn exception_for(report: &Report) -> Option<u8> {
 /// then a drive that refused, then one that is out of reach.
 #[must_use]
 pub fn worst(one: Option<u8>, other: Option<u8>) -> Option<u8> {
-    if weight(one) >= weight(other) { one } else { other }
+    if weight(one) >= weight(other) {
+        one
+    } else {
+        other
+    }
 }
 
 const fn weight(code: Option<u8>) -> u16 {
@@ -138,7 +144,10 @@ mod tests {
 
     #[test]
     fn every_reason_has_its_exception() {
-        let found: Vec<u8> = Reason::ALL.iter().map(|reason| exception_of(*reason)).collect();
+        let found: Vec<u8> = Reason::ALL
+            .iter()
+            .map(|reason| exception_of(*reason))
+            .collect();
         assert_eq!(found, CODES);
         assert_eq!(exception_of(Reason::DirectionNotAllowed), 3);
     }
@@ -153,13 +162,26 @@ mod tests {
         assert_eq!(ended(Outcome::Expired), Some(11));
         assert_eq!(ended(Outcome::Unknown), Some(11));
         assert_eq!(exception_for(&Report::refused(Reason::OtherOwner)), Some(6));
-        let report = Report { exception: Some(0x21), ..Report::new(Outcome::Failed, Reason::DriveException) };
+        let report = Report {
+            exception: Some(0x21),
+            ..Report::new(Outcome::Failed, Reason::DriveException)
+        };
         assert_eq!(exception_for(&report), Some(0x21));
     }
 
     #[test]
     fn the_worst_exception_is_reported() {
-        let order = [None, Some(1), Some(2), Some(3), Some(6), Some(0x21), Some(0x0A), Some(4), Some(0x0B)];
+        let order = [
+            None,
+            Some(1),
+            Some(2),
+            Some(3),
+            Some(6),
+            Some(0x21),
+            Some(0x0A),
+            Some(4),
+            Some(0x0B),
+        ];
         for (place, better) in order.iter().enumerate() {
             for bad in &order[place..] {
                 assert_eq!(worst(*better, *bad), *bad);

@@ -42,15 +42,27 @@ pub fn parse(pdu: &[u8]) -> Result<Ask, u8> {
 }
 
 fn read_bits(data: &[u8], table: BitTable) -> Result<Ask, u8> {
-    let (address, count, []) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
+    let (address, count, []) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
     check_range(address, count, MAX_READ_BITS)?;
-    Ok(Ask::ReadBits { table, address, count })
+    Ok(Ask::ReadBits {
+        table,
+        address,
+        count,
+    })
 }
 
 fn read_words(data: &[u8], table: WordTable) -> Result<Ask, u8> {
-    let (address, count, []) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
+    let (address, count, []) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
     check_range(address, count, pdu::MAX_READ_WORDS)?;
-    Ok(Ask::ReadWords { table, address, count })
+    Ok(Ask::ReadWords {
+        table,
+        address,
+        count,
+    })
 }
 
 /// The sub-functions other than the loop test concern a device's own counters, which no unit has.
@@ -71,12 +83,16 @@ fn write_coil(data: &[u8]) -> Result<Ask, u8> {
 }
 
 fn write_word(data: &[u8]) -> Result<Ask, u8> {
-    let (address, value, []) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
+    let (address, value, []) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
     Ok(Ask::WriteWord { address, value })
 }
 
 fn write_coils(data: &[u8]) -> Result<Ask, u8> {
-    let (address, count, [bytes, values @ ..]) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
+    let (address, count, [bytes, values @ ..]) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
     if usize::from(*bytes) != values.len() {
         return Err(exception::ILLEGAL_DATA_VALUE);
     }
@@ -92,8 +108,14 @@ fn write_words(data: &[u8]) -> Result<Ask, u8> {
 }
 
 fn mask_word(data: &[u8]) -> Result<Ask, u8> {
-    let (address, and, [high, low]) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
-    Ok(Ask::MaskWord { address, and, or: u16::from_be_bytes([*high, *low]) })
+    let (address, and, [high, low]) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
+    Ok(Ask::MaskWord {
+        address,
+        and,
+        or: u16::from_be_bytes([*high, *low]),
+    })
 }
 
 fn read_write(data: &[u8]) -> Result<Ask, u8> {
@@ -102,7 +124,12 @@ fn read_write(data: &[u8]) -> Result<Ask, u8> {
     let (address, values) = block(write, MAX_READ_WRITE_WORDS)?;
     check_address(read_address, read_count)?;
     check_address(address, values.len() as u16)?;
-    Ok(Ask::ReadWriteWords { read_address, read_count, address, values })
+    Ok(Ask::ReadWriteWords {
+        read_address,
+        read_count,
+        address,
+        values,
+    })
 }
 
 /// Other transports than device identification are functions of their own, which no unit has.
@@ -116,7 +143,9 @@ fn identify(data: &[u8]) -> Result<Ask, u8> {
 
 /// First address and words of a block of at most `most` words; whether it passes 0xFFFF is not checked.
 fn block(data: &[u8], most: u16) -> Result<(u16, Vec<u16>), u8> {
-    let (address, count, [bytes, values @ ..]) = split_head(data)? else { return Err(exception::ILLEGAL_DATA_VALUE) };
+    let (address, count, [bytes, values @ ..]) = split_head(data)? else {
+        return Err(exception::ILLEGAL_DATA_VALUE);
+    };
     if usize::from(*bytes) != values.len() || values.len() != 2 * usize::from(count) {
         return Err(exception::ILLEGAL_DATA_VALUE);
     }
@@ -126,8 +155,14 @@ fn block(data: &[u8], most: u16) -> Result<(u16, Vec<u16>), u8> {
 
 /// The two words that nearly every request begins with, and what follows them.
 fn split_head(data: &[u8]) -> Result<(u16, u16, &[u8]), u8> {
-    let (head, tail) = data.split_first_chunk::<4>().ok_or(exception::ILLEGAL_DATA_VALUE)?;
-    Ok((u16::from_be_bytes([head[0], head[1]]), u16::from_be_bytes([head[2], head[3]]), tail))
+    let (head, tail) = data
+        .split_first_chunk::<4>()
+        .ok_or(exception::ILLEGAL_DATA_VALUE)?;
+    Ok((
+        u16::from_be_bytes([head[0], head[1]]),
+        u16::from_be_bytes([head[2], head[3]]),
+        tail,
+    ))
 }
 
 fn check_range(address: u16, count: u16, most: u16) -> Result<(), u8> {
@@ -136,12 +171,20 @@ fn check_range(address: u16, count: u16, most: u16) -> Result<(), u8> {
 }
 
 fn check_quantity(count: u16, most: u16) -> Result<(), u8> {
-    if (1..=most).contains(&count) { Ok(()) } else { Err(exception::ILLEGAL_DATA_VALUE) }
+    if (1..=most).contains(&count) {
+        Ok(())
+    } else {
+        Err(exception::ILLEGAL_DATA_VALUE)
+    }
 }
 
 fn check_address(address: u16, count: u16) -> Result<(), u8> {
     let end = u32::from(address) + u32::from(count);
-    if end <= ADDRESS_SPACE { Ok(()) } else { Err(exception::ILLEGAL_DATA_ADDRESS) }
+    if end <= ADDRESS_SPACE {
+        Ok(())
+    } else {
+        Err(exception::ILLEGAL_DATA_ADDRESS)
+    }
 }
 
 #[cfg(test)]
@@ -166,8 +209,19 @@ mod tests {
     fn reads_are_03_and_04() {
         for function in [3, 4] {
             for (address, count) in [(0, 1), (0x0101, 8), (0, 125), (0xFFFF, 1), (0xFF83, 125)] {
-                let table = if function == 3 { WordTable::Holding } else { WordTable::Input };
-                assert_eq!(parse(&read(function, address, count)), Ok(Ask::ReadWords { table, address, count }));
+                let table = if function == 3 {
+                    WordTable::Holding
+                } else {
+                    WordTable::Input
+                };
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Ok(Ask::ReadWords {
+                        table,
+                        address,
+                        count
+                    })
+                );
             }
         }
     }
@@ -176,19 +230,33 @@ mod tests {
     fn a_wrong_quantity_is_03_and_reported_before_a_wrong_address() {
         for function in [3, 4] {
             for (address, count) in [(0, 0), (0, 126), (0, 0xFFFF), (0xFFFF, 0), (0xFFFF, 126)] {
-                assert_eq!(parse(&read(function, address, count)), Err(3), "{address} {count}");
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Err(3),
+                    "{address} {count}"
+                );
             }
             for (address, count) in [(0xFFFF, 2), (0xFF84, 125)] {
-                assert_eq!(parse(&read(function, address, count)), Err(2), "{address} {count}");
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Err(2),
+                    "{address} {count}"
+                );
             }
         }
     }
 
     #[test]
     fn writes_are_06_and_10_hex() {
-        let single = Ask::WriteWord { address: 0xFFFF, value: 0x1770 };
+        let single = Ask::WriteWord {
+            address: 0xFFFF,
+            value: 0x1770,
+        };
         assert_eq!(parse(&[6, 0xFF, 0xFF, 0x17, 0x70]), Ok(single));
-        let pair = Ask::WriteWords { address: 4, values: vec![0xABAB, 0xABAB] };
+        let pair = Ask::WriteWords {
+            address: 4,
+            values: vec![0xABAB, 0xABAB],
+        };
         assert_eq!(parse(&block(4, 2, 4, 4)), Ok(pair));
         assert!(parse(&block(0xFF85, 123, 246, 246)).is_ok());
     }
@@ -207,7 +275,11 @@ mod tests {
             (2, 5, 5),
             (0x8001, 2, 2),
         ] {
-            assert_eq!(parse(&block(0, count, bytes, data)), Err(3), "{count} {bytes} {data}");
+            assert_eq!(
+                parse(&block(0, count, bytes, data)),
+                Err(3),
+                "{count} {bytes} {data}"
+            );
         }
         assert_eq!(parse(&block(0xFFFF, 2, 4, 4)), Err(2));
         assert_eq!(parse(&block(0xFF86, 123, 246, 246)), Err(2));
@@ -231,21 +303,48 @@ mod tests {
     fn bits_are_01_and_02() {
         for (function, table) in [(1, BitTable::Coils), (2, BitTable::Discrete)] {
             for (address, count) in [(0, 1), (0xFFFF, 1), (0, 2000), (0xF830, 2000)] {
-                assert_eq!(parse(&read(function, address, count)), Ok(Ask::ReadBits { table, address, count }));
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Ok(Ask::ReadBits {
+                        table,
+                        address,
+                        count
+                    })
+                );
             }
             for (address, count) in [(0, 0), (0, 2001), (0xFFFF, 2001), (0, 0xFFFF)] {
-                assert_eq!(parse(&read(function, address, count)), Err(3), "{address} {count}");
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Err(3),
+                    "{address} {count}"
+                );
             }
             for (address, count) in [(0xFFFF, 2), (0xF831, 2000)] {
-                assert_eq!(parse(&read(function, address, count)), Err(2), "{address} {count}");
+                assert_eq!(
+                    parse(&read(function, address, count)),
+                    Err(2),
+                    "{address} {count}"
+                );
             }
         }
     }
 
     #[test]
     fn a_coil_is_on_or_off_and_nothing_else() {
-        assert_eq!(parse(&[5, 0, 3, 0xFF, 0]), Ok(Ask::WriteCoil { address: 3, on: true }));
-        assert_eq!(parse(&[5, 0xFF, 0xFF, 0, 0]), Ok(Ask::WriteCoil { address: 0xFFFF, on: false }));
+        assert_eq!(
+            parse(&[5, 0, 3, 0xFF, 0]),
+            Ok(Ask::WriteCoil {
+                address: 3,
+                on: true
+            })
+        );
+        assert_eq!(
+            parse(&[5, 0xFF, 0xFF, 0, 0]),
+            Ok(Ask::WriteCoil {
+                address: 0xFFFF,
+                on: false
+            })
+        );
         for value in [1, 0xFF, 0xFF01, 0x0100, 0xFFFF] {
             assert_eq!(parse(&read(5, 0, value)), Err(3), "{value}");
         }
@@ -254,16 +353,33 @@ mod tests {
     #[test]
     fn coils_come_in_just_the_bytes_that_they_need() {
         let values = Bits::new(&[0xCD, 0x01], 10).unwrap();
-        assert_eq!(parse(&[0x0F, 0, 0x13, 0, 10, 2, 0xCD, 1]), Ok(Ask::WriteCoils { address: 0x13, values }));
+        assert_eq!(
+            parse(&[0x0F, 0, 0x13, 0, 10, 2, 0xCD, 1]),
+            Ok(Ask::WriteCoils {
+                address: 0x13,
+                values
+            })
+        );
         let coils = |address: u16, count: u16, bytes: u8, data: usize| {
             let mut pdu = block(address, count, bytes, data);
             pdu[0] = 0x0F;
             parse(&pdu)
         };
         assert!(coils(0, 1968, 246, 246).is_ok() && coils(0xFFFF, 1, 1, 1).is_ok());
-        for (count, bytes, data) in [(0, 0, 0), (1969, 247, 247), (9, 1, 1), (8, 2, 2), (8, 1, 2), (8, 2, 1), (8, 0, 0)]
-        {
-            assert_eq!(coils(0, count, bytes, data), Err(3), "{count} {bytes} {data}");
+        for (count, bytes, data) in [
+            (0, 0, 0),
+            (1969, 247, 247),
+            (9, 1, 1),
+            (8, 2, 2),
+            (8, 1, 2),
+            (8, 2, 1),
+            (8, 0, 0),
+        ] {
+            assert_eq!(
+                coils(0, count, bytes, data),
+                Err(3),
+                "{count} {bytes} {data}"
+            );
         }
         assert_eq!(coils(0xFFFF, 2, 1, 1), Err(2));
         assert_eq!(parse(&[0x0F, 0, 0, 0, 1]), Err(3), "no byte count");
@@ -271,9 +387,17 @@ mod tests {
 
     #[test]
     fn masks_are_16_hex() {
-        let mask = Ask::MaskWord { address: 4, and: 0xF2, or: 0x25 };
+        let mask = Ask::MaskWord {
+            address: 4,
+            and: 0xF2,
+            or: 0x25,
+        };
         assert_eq!(parse(&[0x16, 0, 4, 0, 0xF2, 0, 0x25]), Ok(mask));
-        for wrong in [&[0x16][..], &[0x16, 0, 4, 0, 0xF2, 0], &[0x16, 0, 4, 0, 0xF2, 0, 0x25, 0]] {
+        for wrong in [
+            &[0x16][..],
+            &[0x16, 0, 4, 0, 0xF2, 0],
+            &[0x16, 0, 4, 0, 0xF2, 0, 0x25, 0],
+        ] {
             assert_eq!(parse(wrong), Err(3));
         }
     }
@@ -288,7 +412,12 @@ mod tests {
 
     #[test]
     fn a_write_that_also_reads_is_17_hex() {
-        let ask = Ask::ReadWriteWords { read_address: 3, read_count: 6, address: 14, values: vec![0xABAB; 3] };
+        let ask = Ask::ReadWriteWords {
+            read_address: 3,
+            read_count: 6,
+            address: 14,
+            values: vec![0xABAB; 3],
+        };
         assert_eq!(both((3, 6), (14, 3), 6, 6), Ok(ask));
         assert!(both((0xFF83, 125), (0xFF87, 121), 242, 242).is_ok());
         for (read, write, bytes, data) in [
@@ -301,18 +430,43 @@ mod tests {
             ((0, 1), (0, 2), 2, 2),
             ((0xFFFF, 126), (0, 1), 2, 2),
         ] {
-            assert_eq!(both(read, write, bytes, data), Err(3), "{read:?} {write:?} {bytes} {data}");
+            assert_eq!(
+                both(read, write, bytes, data),
+                Err(3),
+                "{read:?} {write:?} {bytes} {data}"
+            );
         }
         assert_eq!(both((0xFFFF, 2), (0, 1), 2, 2), Err(2));
         assert_eq!(both((0, 2), (0xFFFF, 2), 4, 4), Err(2));
-        assert_eq!(parse(&[0x17, 0, 0, 0, 1, 0, 0, 0, 1]), Err(3), "no byte count");
+        assert_eq!(
+            parse(&[0x17, 0, 0, 0, 1, 0, 0, 0, 1]),
+            Err(3),
+            "no byte count"
+        );
     }
 
     #[test]
     fn of_the_transports_only_device_identification_is_known() {
-        assert_eq!(parse(&[0x2B, 0x0E, 1, 0]), Ok(Ask::Identify { access: 1, object: 0 }));
-        assert_eq!(parse(&[0x2B, 0x0E, 9, 0xFF]), Ok(Ask::Identify { access: 9, object: 0xFF }));
-        for wrong in [&[0x2B][..], &[0x2B, 0x0E], &[0x2B, 0x0E, 1], &[0x2B, 0x0E, 1, 0, 0]] {
+        assert_eq!(
+            parse(&[0x2B, 0x0E, 1, 0]),
+            Ok(Ask::Identify {
+                access: 1,
+                object: 0
+            })
+        );
+        assert_eq!(
+            parse(&[0x2B, 0x0E, 9, 0xFF]),
+            Ok(Ask::Identify {
+                access: 9,
+                object: 0xFF
+            })
+        );
+        for wrong in [
+            &[0x2B][..],
+            &[0x2B, 0x0E],
+            &[0x2B, 0x0E, 1],
+            &[0x2B, 0x0E, 1, 0, 0],
+        ] {
             assert_eq!(parse(wrong), Err(3));
         }
         assert_eq!(parse(&[0x2B, 0x0D, 1, 0]), Err(1));
@@ -336,13 +490,19 @@ mod tests {
         ] {
             let ask = parse(pdu).unwrap();
             assert_eq!(ask.function(), pdu[0]);
-            assert_eq!(ask.writes(), [5, 6, 0x0F, 0x10, 0x16, 0x17].contains(&pdu[0]));
+            assert_eq!(
+                ask.writes(),
+                [5, 6, 0x0F, 0x10, 0x16, 0x17].contains(&pdu[0])
+            );
         }
     }
 
     #[test]
     fn of_the_diagnostics_only_the_loop_test_is_known() {
-        assert_eq!(parse(&[8, 0, 0, 0xA5, 0x37]), Ok(Ask::LoopTest { data: 0xA537 }));
+        assert_eq!(
+            parse(&[8, 0, 0, 0xA5, 0x37]),
+            Ok(Ask::LoopTest { data: 0xA537 })
+        );
         assert_eq!(parse(&[8, 0, 1, 0, 0]), Err(1), "restart communications");
         for wrong in [&[8][..], &[8, 0, 0, 1], &[8, 0, 0, 1, 2, 3, 4]] {
             assert_eq!(parse(wrong), Err(3), "{wrong:?}");

@@ -199,7 +199,9 @@ impl Slave {
     /// Answers the request `number` with a PDU. One that is not open any more is thrown away.
     pub fn answer(&mut self, number: u16, pdu: &[u8]) {
         match &mut self.open {
-            Some(open) if open.number == number && open.answer.is_none() => open.answer = Some(pdu.to_vec()),
+            Some(open) if open.number == number && open.answer.is_none() => {
+                open.answer = Some(pdu.to_vec())
+            }
             _ => self.counters.late += 1,
         }
     }
@@ -219,13 +221,26 @@ impl Slave {
         }
         let pdu = open.answer.unwrap_or_else(|| {
             self.counters.not_in_time += 1;
-            vec![open.function | function::EXCEPTION_BIT, code_for(open.function)]
+            vec![
+                open.function | function::EXCEPTION_BIT,
+                code_for(open.function),
+            ]
         });
         let mut frame = Vec::new();
-        framing::encode(self.settings.framing, &mut frame, open.unit, |out| out.extend_from_slice(&pdu));
-        let until = if self.settings.is_paced { now + self.settings.link.bytes(frame.len()) } else { now };
+        framing::encode(self.settings.framing, &mut frame, open.unit, |out| {
+            out.extend_from_slice(&pdu)
+        });
+        let until = if self.settings.is_paced {
+            now + self.settings.link.bytes(frame.len())
+        } else {
+            now
+        };
         self.busy_until = self.busy_until.max(until);
-        self.sent = Some(Sent { frame: frame.clone(), until, echoed: 0 });
+        self.sent = Some(Sent {
+            frame: frame.clone(),
+            until,
+            echoed: 0,
+        });
         Some(frame)
     }
 
@@ -235,9 +250,18 @@ impl Slave {
         let quiet = self.busy_until + self.silence;
         let checked = (!self.is_checked || self.is_spoilt).then_some(quiet);
         let given_up = (!self.bytes.is_empty()).then(|| self.busy_until + self.hole());
-        let replied = self.open.as_ref().map(|open| if open.answer.is_some() { quiet } else { open.due.max(quiet) });
+        let replied = self.open.as_ref().map(|open| {
+            if open.answer.is_some() {
+                quiet
+            } else {
+                open.due.max(quiet)
+            }
+        });
         let echoed = self.sent.as_ref().map(|sent| sent.until + HOLE);
-        [checked, given_up, replied, echoed].into_iter().flatten().min()
+        [checked, given_up, replied, echoed]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     const fn hole(&self) -> Duration {
@@ -250,14 +274,20 @@ impl Slave {
     /// What of `bytes` is no echo of the last reply.
     fn without_echo(&mut self, now: MonoTime, bytes: &[u8]) -> Vec<u8> {
         let echoes = self.echoes;
-        let Some(sent) = &mut self.sent else { return bytes.to_vec() };
+        let Some(sent) = &mut self.sent else {
+            return bytes.to_vec();
+        };
         let is_sending = now < sent.until;
         if !is_sending && sent.echoed == 0 && echoes == Some(false) {
             self.sent = None;
             return bytes.to_vec();
         }
         let expected = sent.frame.get(sent.echoed..).unwrap_or_default();
-        let common = bytes.iter().zip(expected).take_while(|(one, other)| one == other).count();
+        let common = bytes
+            .iter()
+            .zip(expected)
+            .take_while(|(one, other)| one == other)
+            .count();
         let rest = bytes.get(common..).unwrap_or_default();
         if common == bytes.len() && common < expected.len() {
             sent.echoed += common;
@@ -275,9 +305,14 @@ impl Slave {
         }
         // The echo behind a glitch, of an adapter that is known to echo: a write must not count as ordered twice.
         if echoes == Some(true)
-            && let Some(start) = bytes.windows(expected.len().max(1)).position(|window| window == expected)
+            && let Some(start) = bytes
+                .windows(expected.len().max(1))
+                .position(|window| window == expected)
         {
-            let rest = bytes.get(start + expected.len()..).unwrap_or_default().to_vec();
+            let rest = bytes
+                .get(start + expected.len()..)
+                .unwrap_or_default()
+                .to_vec();
             self.sent = None;
             return rest;
         }
@@ -369,15 +404,29 @@ impl Slave {
             self.counters.foreign += 1;
             return;
         }
-        let Some(function) = pdu.first().copied() else { return };
+        let Some(function) = pdu.first().copied() else {
+            return;
+        };
         self.counters.requests += 1;
         self.last_number = self.last_number.wrapping_add(1);
         let number = self.last_number;
         let wait = self.settings.answer_within;
         let sending = exception_time(self.settings.link, self.settings.framing);
         let due = end + wait.saturating_sub(sending + MARGIN).max(self.silence);
-        self.open = Some(Open { number, unit, function, due, latest: due.max(end + wait), answer: None });
-        self.requests.push_back(SlaveRequest { number, unit, pdu, is_awaited: true });
+        self.open = Some(Open {
+            number,
+            unit,
+            function,
+            due,
+            latest: due.max(end + wait),
+            answer: None,
+        });
+        self.requests.push_back(SlaveRequest {
+            number,
+            unit,
+            pdu,
+            is_awaited: true,
+        });
     }
 
     /// Answers none of the requests so far. What does not write has no use any more.
@@ -385,7 +434,10 @@ impl Slave {
         self.open = None;
         self.requests.retain_mut(|request| {
             request.is_awaited = false;
-            request.pdu.first().is_some_and(|function| client::writes(*function))
+            request
+                .pdu
+                .first()
+                .is_some_and(|function| client::writes(*function))
         });
     }
 }
@@ -393,7 +445,11 @@ impl Slave {
 /// The exception for a request without an answer in time. A read may be repeated; a write may
 /// still be executed.
 fn code_for(code: u8) -> u8 {
-    if client::writes(code) { exception::GATEWAY_TARGET_FAILED } else { exception::SERVER_DEVICE_BUSY }
+    if client::writes(code) {
+        exception::GATEWAY_TARGET_FAILED
+    } else {
+        exception::SERVER_DEVICE_BUSY
+    }
 }
 
 #[cfg(test)]

@@ -72,7 +72,14 @@ impl Slots {
     /// `most` slots, none of them taken.
     #[must_use]
     pub const fn new(most: usize) -> Self {
-        Self { most, last_room: 0, last_turn: 0, rooms: BTreeMap::new(), ordinary: 0, priority: 0 }
+        Self {
+            most,
+            last_room: 0,
+            last_turn: 0,
+            rooms: BTreeMap::new(),
+            ordinary: 0,
+            priority: 0,
+        }
     }
 
     /// How many slots there are.
@@ -92,12 +99,26 @@ impl Slots {
     pub fn enter(&mut self, newcomer: Newcomer, is_busy: IsBusy<'_>) -> Entry {
         let gone = if newcomer.has_priority {
             let has_room = self.ordinary + self.priority < self.most;
-            if has_room { None } else { Some(self.make_room(is_busy)) }
-        } else if newcomer.room_max.is_some_and(|max| self.in_room(newcomer.room) >= max) {
-            Some(self.silent_in(newcomer.room, is_busy).and_then(|turn| self.remove(newcomer.room, turn)))
+            if has_room {
+                None
+            } else {
+                Some(self.make_room(is_busy))
+            }
+        } else if newcomer
+            .room_max
+            .is_some_and(|max| self.in_room(newcomer.room) >= max)
+        {
+            Some(
+                self.silent_in(newcomer.room, is_busy)
+                    .and_then(|turn| self.remove(newcomer.room, turn)),
+            )
         } else {
             let has_room = self.ordinary + self.priority.max(self.reserved()) < self.most;
-            if has_room { None } else { Some(self.make_room(is_busy)) }
+            if has_room {
+                None
+            } else {
+                Some(self.make_room(is_busy))
+            }
         };
         match gone {
             None => Entry::Free(self.take(newcomer)),
@@ -109,7 +130,10 @@ impl Slots {
     /// Takes the slot of the ordinary connection that has been silent for longest, which is to be closed; `None` if
     /// none may be closed.
     pub fn make_room(&mut self, is_busy: IsBusy<'_>) -> Option<AskerId> {
-        let silent = self.rooms.keys().filter_map(|room| Some((self.silent_in(*room, is_busy)?, *room)));
+        let silent = self
+            .rooms
+            .keys()
+            .filter_map(|room| Some((self.silent_in(*room, is_busy)?, *room)));
         let (turn, room) = silent.min()?;
         self.remove(room, turn)
     }
@@ -117,12 +141,21 @@ impl Slots {
     /// The connection at `slot` has sent a request: it gives way after all others. Returns its new slot.
     #[must_use]
     pub fn active(&mut self, slot: Slot) -> Slot {
-        let Slot::Ordinary { room, turn } = slot else { return slot };
-        let Some(order) = self.rooms.get_mut(&room) else { return slot };
-        let Some(asker) = order.remove(&turn) else { return slot };
+        let Slot::Ordinary { room, turn } = slot else {
+            return slot;
+        };
+        let Some(order) = self.rooms.get_mut(&room) else {
+            return slot;
+        };
+        let Some(asker) = order.remove(&turn) else {
+            return slot;
+        };
         self.last_turn += 1;
         order.insert(self.last_turn, asker);
-        Slot::Ordinary { room, turn: self.last_turn }
+        Slot::Ordinary {
+            room,
+            turn: self.last_turn,
+        }
     }
 
     /// The connection at `slot` was closed. One that had to give way no longer has a slot, which does no harm.
@@ -150,14 +183,23 @@ impl Slots {
         }
         self.last_turn += 1;
         self.ordinary += 1;
-        self.rooms.entry(newcomer.room).or_default().insert(self.last_turn, newcomer.asker);
-        Slot::Ordinary { room: newcomer.room, turn: self.last_turn }
+        self.rooms
+            .entry(newcomer.room)
+            .or_default()
+            .insert(self.last_turn, newcomer.asker);
+        Slot::Ordinary {
+            room: newcomer.room,
+            turn: self.last_turn,
+        }
     }
 
     /// The turn of the one in `room` that has been silent for longest and is waiting for nothing.
     fn silent_in(&self, room: RoomId, is_busy: IsBusy<'_>) -> Option<u64> {
         let first = self.rooms.get(&room)?.iter().take(Self::LOOKS_MAX);
-        first.into_iter().find(|(_, asker)| !is_busy(**asker)).map(|(turn, _)| *turn)
+        first
+            .into_iter()
+            .find(|(_, asker)| !is_busy(**asker))
+            .map(|(turn, _)| *turn)
     }
 
     fn remove(&mut self, room: RoomId, turn: u64) -> Option<AskerId> {
@@ -183,7 +225,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn newcomer(number: u64, room: RoomId) -> Newcomer {
-        Newcomer { asker: AskerId(number), room, room_max: None, has_priority: false }
+        Newcomer {
+            asker: AskerId(number),
+            room,
+            room_max: None,
+            has_priority: false,
+        }
     }
 
     fn nobody(_: AskerId) -> bool {
@@ -198,21 +245,38 @@ mod tests {
     }
 
     fn gone(entry: Entry) -> Option<u64> {
-        if let Entry::InsteadOf(_, asker) = entry { Some(asker.0) } else { None }
+        if let Entry::InsteadOf(_, asker) = entry {
+            Some(asker.0)
+        } else {
+            None
+        }
     }
 
     #[test]
     fn the_one_that_was_silent_for_longest_gives_way() {
         let mut slots = Slots::new(4);
         let room = slots.add_room();
-        let first: Vec<_> = (0..3).map(|number| slot(slots.enter(newcomer(number, room), &nobody))).collect();
+        let first: Vec<_> = (0..3)
+            .map(|number| slot(slots.enter(newcomer(number, room), &nobody)))
+            .collect();
         let last = slots.active(first[0]);
-        assert_eq!(gone(slots.enter(newcomer(3, room), &nobody)), Some(1), "the first has asked since");
+        assert_eq!(
+            gone(slots.enter(newcomer(3, room), &nobody)),
+            Some(1),
+            "the first has asked since"
+        );
         slots.leave(last);
-        assert!(matches!(slots.enter(newcomer(4, room), &nobody), Entry::Free(_)));
+        assert!(matches!(
+            slots.enter(newcomer(4, room), &nobody),
+            Entry::Free(_)
+        ));
         slots.leave(first[1]);
         assert_eq!(slots.active(first[1]), first[1], "who gave way has no slot");
-        assert_eq!(gone(slots.enter(newcomer(5, room), &nobody)), Some(2), "and gives back none");
+        assert_eq!(
+            gone(slots.enter(newcomer(5, room), &nobody)),
+            Some(2),
+            "and gives back none"
+        );
     }
 
     #[test]
@@ -222,7 +286,10 @@ mod tests {
         for number in 0..3 {
             slots.enter(newcomer(number, room), &nobody);
         }
-        assert_eq!(gone(slots.enter(newcomer(3, room), &|asker| asker.0 != 1)), Some(1));
+        assert_eq!(
+            gone(slots.enter(newcomer(3, room), &|asker| asker.0 != 1)),
+            Some(1)
+        );
         assert_eq!(slots.enter(newcomer(4, room), &|_| true), Entry::Full);
         assert_eq!(slots.make_room(&|_| true), None);
         assert_eq!(slots.make_room(&nobody), Some(AskerId(0)));
@@ -233,19 +300,36 @@ mod tests {
         let mut slots = Slots::new(100);
         let room = slots.add_room();
         let entries = (0..100).map(|number| slots.enter(newcomer(number, room), &nobody));
-        assert_eq!(entries.filter(|it| matches!(it, Entry::Free(_))).count(), 84);
-        let urgent = |number| Newcomer { has_priority: true, ..newcomer(number, room) };
+        assert_eq!(
+            entries.filter(|it| matches!(it, Entry::Free(_))).count(),
+            84
+        );
+        let urgent = |number| Newcomer {
+            has_priority: true,
+            ..newcomer(number, room)
+        };
         for number in 100..116 {
-            assert_eq!(slots.enter(urgent(number), &|_| true), Entry::Free(Slot::Priority), "though all others wait");
+            assert_eq!(
+                slots.enter(urgent(number), &|_| true),
+                Entry::Free(Slot::Priority),
+                "though all others wait"
+            );
         }
         assert_eq!(slots.enter(urgent(116), &|_| true), Entry::Full);
         for number in 117..201 {
-            assert_eq!(gone(slots.enter(urgent(number), &nobody)), Some(number - 101), "an ordinary one");
+            assert_eq!(
+                gone(slots.enter(urgent(number), &nobody)),
+                Some(number - 101),
+                "an ordinary one"
+            );
         }
         assert_eq!(slots.enter(urgent(201), &nobody), Entry::Full);
         assert_eq!(slots.enter(newcomer(202, room), &nobody), Entry::Full);
         slots.leave(Slot::Priority);
-        assert_eq!(slots.enter(urgent(203), &nobody), Entry::Free(Slot::Priority));
+        assert_eq!(
+            slots.enter(urgent(203), &nobody),
+            Entry::Free(Slot::Priority)
+        );
     }
 
     #[test]
@@ -253,7 +337,10 @@ mod tests {
         let mut slots = Slots::new(8);
         let small = slots.add_room();
         let other = slots.add_room();
-        let of_small = |number| Newcomer { room_max: Some(2), ..newcomer(number, small) };
+        let of_small = |number| Newcomer {
+            room_max: Some(2),
+            ..newcomer(number, small)
+        };
         for number in 0..4 {
             slots.enter(newcomer(number, other), &nobody);
         }
@@ -261,9 +348,25 @@ mod tests {
         slots.enter(of_small(5), &nobody);
         assert_eq!(gone(slots.enter(of_small(6), &nobody)), Some(4));
         assert_eq!(gone(slots.enter(newcomer(7, other), &nobody)), Some(0));
-        let urgent = Newcomer { has_priority: true, ..of_small(8) };
-        assert_eq!(slots.enter(urgent, &nobody), Entry::Free(Slot::Priority), "its room does not count it");
-        assert_eq!(gone(slots.enter(Newcomer { room_max: Some(0), ..newcomer(9, small) }, &nobody)), Some(5));
+        let urgent = Newcomer {
+            has_priority: true,
+            ..of_small(8)
+        };
+        assert_eq!(
+            slots.enter(urgent, &nobody),
+            Entry::Free(Slot::Priority),
+            "its room does not count it"
+        );
+        assert_eq!(
+            gone(slots.enter(
+                Newcomer {
+                    room_max: Some(0),
+                    ..newcomer(9, small)
+                },
+                &nobody
+            )),
+            Some(5)
+        );
     }
 
     #[test]
@@ -273,7 +376,10 @@ mod tests {
         let mut last = None;
         for number in 0..40_000 {
             let entry = slots.enter(newcomer(number, room), &nobody);
-            assert_eq!(gone(entry), number.checked_sub(20_000 - Slots::RESERVED as u64));
+            assert_eq!(
+                gone(entry),
+                number.checked_sub(20_000 - Slots::RESERVED as u64)
+            );
             last = Some(slots.active(slot(entry)));
         }
         slots.leave(last.unwrap());
@@ -282,10 +388,16 @@ mod tests {
 
     #[derive(Clone, Debug)]
     enum Event {
-        Enter { room: usize, has_priority: bool, busy: u64 },
+        Enter {
+            room: usize,
+            has_priority: bool,
+            busy: u64,
+        },
         Ask(prop::sample::Index),
         Leave(prop::sample::Index),
-        Short { busy: u64 },
+        Short {
+            busy: u64,
+        },
     }
 
     fn event() -> impl Strategy<Value = Event> {

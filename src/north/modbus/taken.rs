@@ -52,12 +52,20 @@ impl Taken {
     ///
     /// # Errors
     /// What has to be ordered first.
-    pub fn at_once<T>(self, words: &Words, answer: impl FnOnce(Answer<'_>) -> T) -> Result<T, Ordered> {
+    pub fn at_once<T>(
+        self,
+        words: &Words,
+        answer: impl FnOnce(Answer<'_>) -> T,
+    ) -> Result<T, Ordered> {
         Ok(match self {
             Self::Words => answer(Answer::Words(words.as_slice())),
             Self::Bits { bits, count } => {
                 let bytes = bits.to_le_bytes();
-                answer(Answer::Bits(bytes.get(..usize::from(count.div_ceil(8))).unwrap_or_default()))
+                answer(Answer::Bits(
+                    bytes
+                        .get(..usize::from(count.div_ceil(8)))
+                        .unwrap_or_default(),
+                ))
             }
             Self::Identity(bytes) => answer(Answer::Identity(&bytes)),
             Self::Nothing => answer(Answer::Written),
@@ -88,13 +96,33 @@ mod tests {
         words.fill(1, 2, Some);
         let text = |taken: Taken| taken.at_once(&words, |answer| format!("{answer:?}"));
         assert_eq!(text(Taken::Words).unwrap(), "Words([1, 2])");
-        assert_eq!(text(Taken::Bits { bits: 0x0305, count: 8 }).unwrap(), "Bits([5])");
-        assert_eq!(text(Taken::Bits { bits: 0x0305, count: 10 }).unwrap(), "Bits([5, 3])");
+        assert_eq!(
+            text(Taken::Bits {
+                bits: 0x0305,
+                count: 8
+            })
+            .unwrap(),
+            "Bits([5])"
+        );
+        assert_eq!(
+            text(Taken::Bits {
+                bits: 0x0305,
+                count: 10
+            })
+            .unwrap(),
+            "Bits([5, 3])"
+        );
         assert_eq!(text(Taken::Identity(vec![7])).unwrap(), "Identity([7])");
         assert_eq!(text(Taken::Nothing).unwrap(), "Written");
         assert_eq!(text(Taken::Exception(2)).unwrap(), "Exception(2)");
-        assert_eq!(text(Taken::Refused(Reason::NotListed)).unwrap(), "Exception(2)");
-        assert_eq!(text(Taken::Order(Order::Renew)), Err(Ordered::One(Order::Renew)));
+        assert_eq!(
+            text(Taken::Refused(Reason::NotListed)).unwrap(),
+            "Exception(2)"
+        );
+        assert_eq!(
+            text(Taken::Order(Order::Renew)),
+            Err(Ordered::One(Order::Renew))
+        );
         assert_eq!(text(Taken::StopAll), Err(Ordered::StopAll));
     }
 }

@@ -52,7 +52,10 @@ pub(super) fn model() -> Model {
              access = \"read\"\nrole = \"{role}\"\npoll = \"fast\"\nconfidence = \"manual\"\nsource = \"IM 4\"\n"
         );
     }
-    for (role, address, scale, unit) in [("run-command", 2, 1, "-"), ("frequency-command", 4, 100, "Hz")] {
+    for (role, address, scale, unit) in [
+        ("run-command", 2, 1, "-"),
+        ("frequency-command", 4, 100, "Hz"),
+    ] {
         let name = role.replace('-', "_");
         let _ = write!(
             text,
@@ -72,7 +75,10 @@ pub(super) fn model() -> Model {
 /// A drive of [`model`] with control, polled every second.
 pub(super) fn description() -> DriveDescription {
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
         name: Name::new("pump").unwrap(),
         line: Name::new("hall").unwrap(),
         model: Arc::new(model()),
@@ -98,14 +104,36 @@ pub(super) fn settings() -> ControlSettings {
 /// A drive that runs forward at its setpoint of 42.5 Hz, every word read at [`NOW`]. It has used 7000 kWh in 1.5 h, with
 /// 70,000 starts and 2 trips.
 pub(super) fn view() -> DriveView {
-    let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+    let mut view = DriveView {
+        line_is_up: true,
+        run_state: RunState::Forward,
+        ..DriveView::default()
+    };
     view.snapshot.presence = Presence::Online;
-    let words = [4250, 1234, 380, 5401, 7550, 985, (-7_i16).cast_unsigned(), 40_000, 3, 425];
+    let words = [
+        4250,
+        1234,
+        380,
+        5401,
+        7550,
+        985,
+        (-7_i16).cast_unsigned(),
+        40_000,
+        3,
+        425,
+    ];
     view.snapshot.take(0x0101_u16.into(), &words, NOW);
     view.trip.active = Some(false);
     view.control = Some(ControlView::default());
-    let totals =
-        UsageTotals { energy_mj: 7000 * 3_600_000_000, running: Duration::from_secs(5400), starts: 70_000, trips: 2 };
-    view.usage = UsageView { parts: UsageParts::of(&model()), totals };
+    let totals = UsageTotals {
+        energy_mj: 7000 * 3_600_000_000,
+        running: Duration::from_secs(5400),
+        starts: 70_000,
+        trips: 2,
+    };
+    view.usage = UsageView {
+        parts: UsageParts::of(&model()),
+        totals,
+    };
     view
 }

@@ -13,18 +13,28 @@ pub struct Words {
 
 impl Default for Words {
     fn default() -> Self {
-        Self { words: [0; WORDS], len: 0 }
+        Self {
+            words: [0; WORDS],
+            len: 0,
+        }
     }
 }
 
 impl Words {
     /// Fills in the words that `word` has for each of `count` addresses from `address` on. Returns whether it had one
     /// for each and all fit.
-    pub fn fill(&mut self, address: u16, count: u16, mut word: impl FnMut(u16) -> Option<u16>) -> bool {
+    pub fn fill(
+        &mut self,
+        address: u16,
+        count: u16,
+        mut word: impl FnMut(u16) -> Option<u16>,
+    ) -> bool {
         self.len = 0;
         for offset in 0..count {
             let found = address.checked_add(offset).and_then(&mut word);
-            let (Some(found), Some(place)) = (found, self.words.get_mut(self.len)) else { return false };
+            let (Some(found), Some(place)) = (found, self.words.get_mut(self.len)) else {
+                return false;
+            };
             *place = found;
             self.len += 1;
         }

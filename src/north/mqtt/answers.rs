@@ -37,15 +37,32 @@ impl Session {
     pub fn native_answer(&mut self, at: Moment, answer: &NativeAnswer) {
         self.clock.see(at);
         let pending = Some(answer.ticket).filter(|_| answer.asker == AskerId::MQTT);
-        let Some(pending) = pending.and_then(|ticket| self.commands.take(ticket)) else { return };
-        let (Request::Read(register), NativeOutcome::Words(words)) = (&pending.request, &answer.outcome) else {
+        let Some(pending) = pending.and_then(|ticket| self.commands.take(ticket)) else {
+            return;
+        };
+        let (Request::Read(register), NativeOutcome::Words(words)) =
+            (&pending.request, &answer.outcome)
+        else {
             return self.end(at, &pending, answer.outcome.read_failure());
         };
-        let found = self.drives.get(pending.drive).and_then(|drive| drive.model.registers.get(*register));
-        let value = found.and_then(|found| found.value(|address| address.word_in(found.address, words)));
+        let found = self
+            .drives
+            .get(pending.drive)
+            .and_then(|drive| drive.model.registers.get(*register));
+        let value =
+            found.and_then(|found| found.value(|address| address.word_in(found.address, words)));
         match (value, words.first()) {
             (Some(value), Some(raw)) => {
-                self.end_read(at, &pending, *register, ValueReading { value, raw: *raw, at: at.mono });
+                self.end_read(
+                    at,
+                    &pending,
+                    *register,
+                    ValueReading {
+                        value,
+                        raw: *raw,
+                        at: at.mono,
+                    },
+                );
             }
             _ => self.end(at, &pending, Report::new(Outcome::Failed, Reason::NoReply)),
         }
@@ -69,59 +86,156 @@ impl Session {
         }
     }
 
-    fn tell_stage(&mut self, at: Moment, pending: &Pending<Context>, report: Report, is_final: bool) {
+    fn tell_stage(
+        &mut self,
+        at: Moment,
+        pending: &Pending<Context>,
+        report: Report,
+        is_final: bool,
+    ) {
         let values = match &pending.request {
             Request::Order(order) => values(&self.drives[pending.drive].model, order, &report),
             Request::Read(_) => Map::new(),
         };
-        let message = refused_frequency(&self.drives[pending.drive], &pending.request, report).or_else(|| {
-            Some(message(&self.drives[pending.drive].model, &report)).filter(|it| it != report.reason.text())
-        });
-        let own_words = || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
+        let message = refused_frequency(&self.drives[pending.drive], &pending.request, report)
+            .or_else(|| {
+                Some(message(&self.drives[pending.drive].model, &report))
+                    .filter(|it| it != report.reason.text())
+            });
+        let own_words =
+            || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
         // In addition to why it was refused, if it was.
         let message = pending.context.remark.as_ref().map_or_else(
             || message.clone(),
             |remark| {
                 Some(
-                    message.clone().or_else(own_words).map_or_else(|| remark.clone(), |why| format!("{why}; {remark}")),
+                    message
+                        .clone()
+                        .or_else(own_words)
+                        .map_or_else(|| remark.clone(), |why| format!("{why}; {remark}")),
                 )
             },
         );
-        let asker = (pending.by, &pending.context.id, pending.context.reply.as_ref());
-        let stage = Stage { report, is_final, is_repeat: false, message, values };
+        let asker = (
+            pending.by,
+            &pending.context.id,
+            pending.context.reply.as_ref(),
+        );
+        let stage = Stage {
+            report,
+            is_final,
+            is_repeat: false,
+            message,
+            values,
+        };
         self.tell(at, pending.drive, asker, stage);
     }
 
-    fn end_read(&mut self, at: Moment, pending: &Pending<Context>, register: usize, reading: ValueReading) {
+    fn end_read(
+        &mut self,
+        at: Moment,
+        pending: &Pending<Context>,
+        register: usize,
+        reading: ValueReading,
+    ) {
         let drive = &self.drives[pending.drive];
-        let Some(found) = drive.model.registers.get(register) else { return };
-        let topic = self.topics.drive(drive.name.as_str(), &format!("param/{}", label(found)));
-        let values = [(label(found).to_owned(), json!(reading.value.value()))].into_iter().collect();
-        self.telemetry.take_param(pending.drive, register, reading, topic);
+        let Some(found) = drive.model.registers.get(register) else {
+            return;
+        };
+        let topic = self
+            .topics
+            .drive(drive.name.as_str(), &format!("param/{}", label(found)));
+        let values = [(label(found).to_owned(), json!(reading.value.value()))]
+            .into_iter()
+            .collect();
+        self.telemetry
+            .take_param(pending.drive, register, reading, topic);
         let report = Report::new(Outcome::Confirmed, Reason::None);
-        let stage = Stage { report, is_final: true, is_repeat: false, message: None, values };
-        self.tell(at, pending.drive, (pending.by, &pending.context.id, pending.context.reply.as_ref()), stage);
+        let stage = Stage {
+            report,
+            is_final: true,
+            is_repeat: false,
+            message: None,
+            values,
+        };
+        self.tell(
+            at,
+            pending.drive,
+            (
+                pending.by,
+                &pending.context.id,
+                pending.context.reply.as_ref(),
+            ),
+            stage,
+        );
     }
 
     /// Publishes the first outcome of a repeated command.
-    pub(super) fn tell_again(&mut self, at: Moment, drive: usize, asker: &Asker, order: &Order, report: Report) {
+    pub(super) fn tell_again(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: &Asker,
+        order: &Order,
+        report: Report,
+    ) {
         let values = values(&self.drives[drive].model, order, &report);
-        let stage = Stage { report, is_final: true, is_repeat: true, message: None, values };
-        self.tell(at, drive, (asker.by, &asker.id, asker.reply.as_ref()), stage);
+        let stage = Stage {
+            report,
+            is_final: true,
+            is_repeat: true,
+            message: None,
+            values,
+        };
+        self.tell(
+            at,
+            drive,
+            (asker.by, &asker.id, asker.reply.as_ref()),
+            stage,
+        );
     }
 
-    fn tell(&mut self, at: Moment, drive: usize, (by, id, reply): (Owner, &Value, Option<&Reply>), stage: Stage) {
-        let Stage { report, is_final, is_repeat, message, values } = stage;
+    fn tell(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        (by, id, reply): (Owner, &Value, Option<&Reply>),
+        stage: Stage,
+    ) {
+        let Stage {
+            report,
+            is_final,
+            is_repeat,
+            message,
+            values,
+        } = stage;
         let drive = self.drives[drive].name.as_str();
         let at = self.clock.text(at.mono);
         let topic = self.topics.drive(drive, "result");
         let message = message.as_deref();
-        let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
+        let told = ResultContent {
+            id,
+            drive,
+            by,
+            report,
+            is_final,
+            is_repeat,
+            message,
+            values,
+            at,
+        };
         self.counters.results_dropped += self.results.tell(topic, reply, told);
     }
 
     /// Publishes why an input is refused that no line ever saw.
-    pub(super) fn tell_refusal(&mut self, at: Moment, drive: &str, topic: String, asker: &Asker, refused: &Refused) {
+    pub(super) fn tell_refusal(
+        &mut self,
+        at: Moment,
+        drive: &str,
+        topic: String,
+        asker: &Asker,
+        refused: &Refused,
+    ) {
         let Asker { by, id, reply } = asker;
         let report = Report::refused(refused.reason);
         let message = Some(refused.message.as_str());
@@ -130,7 +244,17 @@ impl Session {
         let by = *by;
         let is_final = true;
         let is_repeat = false;
-        let told = ResultContent { id, drive, by, report, is_final, is_repeat, message, values, at };
+        let told = ResultContent {
+            id,
+            drive,
+            by,
+            report,
+            is_final,
+            is_repeat,
+            message,
+            values,
+            at,
+        };
         self.counters.results_dropped += self.results.tell(topic, reply.as_ref(), told);
     }
 }

@@ -8,8 +8,16 @@ use crate::journal::Tried;
 
 impl Session {
     /// Records an attempt that no line sees. `drive` is its place in the session's list.
-    pub(super) fn keep(&mut self, drive: Option<usize>, owner: Owner, tried: Option<Tried>, report: Report) {
-        let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
+    pub(super) fn keep(
+        &mut self,
+        drive: Option<usize>,
+        owner: Owner,
+        tried: Option<Tried>,
+        report: Report,
+    ) {
+        let place = drive
+            .and_then(|drive| self.drives.get(drive))
+            .map(|drive| drive.place);
         self.commands.keep_attempt(place, owner, tried, report);
     }
 }
@@ -29,7 +37,12 @@ pub(super) fn text(topic: &str, payload: &[u8]) -> Tried {
     let topic: String = topic.chars().skip(skipped).collect();
     let payload = String::from_utf8_lossy(start);
     let visible = |c: char| if c.is_control() { ' ' } else { c };
-    Tried::Text(format!("{topic}: {}", short(&payload)).chars().map(visible).collect())
+    Tried::Text(
+        format!("{topic}: {}", short(&payload))
+            .chars()
+            .map(visible)
+            .collect(),
+    )
 }
 
 #[cfg(test)]
@@ -42,9 +55,15 @@ mod tests {
             Tried::Text(text) => text,
             other => panic!("{other:?}"),
         };
-        assert_eq!(shown("drive/pump/run/set", b"start\n1"), "drive/pump/run/set: start 1");
+        assert_eq!(
+            shown("drive/pump/run/set", b"start\n1"),
+            "drive/pump/run/set: start 1"
+        );
         assert_eq!(shown("a", &[0xFF, b'x']), "a: \u{FFFD}x");
         let long = shown(&"t".repeat(60_000), "\u{FC}".repeat(60_000).as_bytes());
-        assert!(long.chars().count() < 140 && long.ends_with('\u{2026}'), "{long}");
+        assert!(
+            long.chars().count() < 140 && long.ends_with('\u{2026}'),
+            "{long}"
+        );
     }
 }

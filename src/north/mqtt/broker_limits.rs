@@ -9,16 +9,26 @@ impl Session {
     /// connection again and again.
     pub(super) fn admitted(&mut self, mut publication: Publication) -> Option<Publication> {
         let bytes = packet_bytes(&publication);
-        let limit = self.broker.maximum_packet_bytes.filter(|most| bytes > *most);
+        let limit = self
+            .broker
+            .maximum_packet_bytes
+            .filter(|most| bytes > *most);
         let is_too_large = limit.is_some();
         match limit {
-            Some(limit) => self.oversized.add(Oversized { topic: publication.topic.clone(), bytes, limit }),
+            Some(limit) => self.oversized.add(Oversized {
+                topic: publication.topic.clone(),
+                bytes,
+                limit,
+            }),
             None => self.oversized.published(&publication.topic),
         }
         let is_clearing = publication.retain && publication.payload.is_empty();
         if is_too_large || is_clearing && !self.broker.retains {
             self.counters.too_large += u64::from(is_too_large);
-            publication.token.into_iter().for_each(|token| self.acknowledged(token));
+            publication
+                .token
+                .into_iter()
+                .for_each(|token| self.acknowledged(token));
             return None;
         }
         publication.retain &= self.broker.retains;

@@ -14,7 +14,9 @@ const YEAR_MS: i64 = 365 * 24 * HOUR_MS;
 /// A payload without its labels.
 fn unlabelled(publication: &Publication) -> (String, String) {
     let text = String::from_utf8(publication.payload.clone()).expect("text");
-    let Ok(mut value) = serde_json::from_str(&text) else { return (publication.topic.clone(), text) };
+    let Ok(mut value) = serde_json::from_str(&text) else {
+        return (publication.topic.clone(), text);
+    };
     take_labels(&mut value);
     (publication.topic.clone(), value.to_string())
 }
@@ -31,7 +33,11 @@ fn take_labels(value: &mut Value) {
 fn done(acts: Vec<Act>) -> Vec<String> {
     let told = |act: Act| match act {
         Act::Publish(it) if it.topic.ends_with("/trip/last") => None,
-        Act::Publish(it) => Some(format!("{:?} {:?}", unlabelled(&it), (it.retain, it.qos, it.expiry))),
+        Act::Publish(it) => Some(format!(
+            "{:?} {:?}",
+            unlabelled(&it),
+            (it.retain, it.qos, it.expiry)
+        )),
         other => Some(format!("{other:?}")),
     };
     acts.into_iter().filter_map(told).collect()
@@ -62,7 +68,10 @@ fn played(steps: &[i64]) -> Vec<String> {
         let acts = rig.answer(ticket, Outcome::Acknowledged, Reason::None, true);
         part(&mut rig, acts);
         let acts = rig.send("drive/pump/command", order.as_bytes());
-        assert!(commands(&acts).is_empty(), "a repeat is known whatever the wall clock says");
+        assert!(
+            commands(&acts).is_empty(),
+            "a repeat is known whatever the wall clock says"
+        );
         part(&mut rig, acts);
         // This one is never answered: it is given up in time.
         let acts = rig.send("drive/pump/frequency/set", b"30.0");
@@ -82,11 +91,18 @@ fn played(steps: &[i64]) -> Vec<String> {
 fn a_wall_clock_that_is_set_changes_labels_only() {
     let right = played(&[0]);
     assert!(right.len() > 300, "{}", right.len());
-    for steps in
-        [&[HOUR_MS][..], &[-HOUR_MS], &[YEAR_MS, -2 * YEAR_MS, 5], &[700, -900], &[-50 * YEAR_MS, 50 * YEAR_MS]]
-    {
+    for steps in [
+        &[HOUR_MS][..],
+        &[-HOUR_MS],
+        &[YEAR_MS, -2 * YEAR_MS, 5],
+        &[700, -900],
+        &[-50 * YEAR_MS, 50 * YEAR_MS],
+    ] {
         let played = played(steps);
-        let differ = right.iter().zip(&played).find(|(right, played)| right != played);
+        let differ = right
+            .iter()
+            .zip(&played)
+            .find(|(right, played)| right != played);
         assert_eq!((differ, played.len()), (None, right.len()), "{steps:?}");
     }
 }
@@ -101,12 +117,18 @@ fn issued_at_is_held_against_the_wall_clock_as_it_is_now() {
         let run = |issued_at: i64| format!(r#"{{"run": "forward", "issued_at": {issued_at}}}"#);
         let acts = rig.send("drive/pump/command", run(now - 100).as_bytes());
         assert_eq!(commands(&acts).len(), 1, "{set_by}");
-        assert_eq!(commands(&acts)[0].start_before, rig.now() + std::time::Duration::from_secs(1));
+        assert_eq!(
+            commands(&acts)[0].start_before,
+            rig.now() + std::time::Duration::from_secs(1)
+        );
         let acts = rig.send("drive/pump/command", run(now - 5_000).as_bytes());
         assert_eq!(result(&acts).1, "stale", "{set_by}");
         if set_by != 0 {
             let acts = rig.send("drive/pump/command", run(EPOCH_MS).as_bytes());
-            assert!(commands(&acts).is_empty(), "by the clock as it was: {set_by}");
+            assert!(
+                commands(&acts).is_empty(),
+                "by the clock as it was: {set_by}"
+            );
         }
     }
 }

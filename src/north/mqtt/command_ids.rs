@@ -47,8 +47,15 @@ pub(super) enum IdState {
 }
 
 impl CommandIds {
-    pub(super) fn look(&self, at: MonoTime, (by, id): (Owner, &Value), order: &Order, epoch: Option<u64>) -> IdState {
-        let is_known = |used: &&Used| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
+    pub(super) fn look(
+        &self,
+        at: MonoTime,
+        (by, id): (Owner, &Value),
+        order: &Order,
+        epoch: Option<u64>,
+    ) -> IdState {
+        let is_known =
+            |used: &&Used| used.by == by && used.id == *id && at.since(used.at) < KEPT_FOR;
         let used = self.ids.iter().chain(&self.refused).find(is_known);
         match used {
             None => IdState::New,
@@ -66,7 +73,18 @@ impl CommandIds {
         epoch: Option<u64>,
         ticket: Ticket,
     ) {
-        push(&mut self.ids, Used { by, id, order, epoch, at, ticket, outcome: None });
+        push(
+            &mut self.ids,
+            Used {
+                by,
+                id,
+                order,
+                epoch,
+                at,
+                ticket,
+                outcome: None,
+            },
+        );
     }
 
     /// Remembers a new id whose command is refused without being given to a drive.
@@ -80,7 +98,18 @@ impl CommandIds {
     ) {
         let ticket = Ticket(0);
         let outcome = Some(report);
-        push(&mut self.refused, Used { by, id, order, epoch, at, ticket, outcome });
+        push(
+            &mut self.refused,
+            Used {
+                by,
+                id,
+                order,
+                epoch,
+                at,
+                ticket,
+                outcome,
+            },
+        );
     }
 
     /// Forgets the id of a command that another gateway carries out.
@@ -97,7 +126,11 @@ impl CommandIds {
 }
 
 fn push(ids: &mut VecDeque<Used>, used: Used) {
-    while ids.front().is_some_and(|oldest| used.at.since(oldest.at) >= KEPT_FOR) || ids.len() >= IDS_MAX {
+    while ids
+        .front()
+        .is_some_and(|oldest| used.at.since(oldest.at) >= KEPT_FOR)
+        || ids.len() >= IDS_MAX
+    {
         ids.pop_front();
     }
     ids.push_back(used);
@@ -116,27 +149,48 @@ mod tests {
     fn ids_are_remembered_for_ten_minutes_and_256_at_most() {
         let mut seen = CommandIds::default();
         let at = |minutes: u64| MonoTime::from_millis(minutes * 60_000);
-        let look =
-            |seen: &CommandIds, minutes, id: u64| seen.look(at(minutes), (MQTT, &json!(id)), &Order::Reset, None);
+        let look = |seen: &CommandIds, minutes, id: u64| {
+            seen.look(at(minutes), (MQTT, &json!(id)), &Order::Reset, None)
+        };
         seen.add(at(0), (MQTT, json!(0)), Order::Reset, None, Ticket(0));
         assert_eq!(look(&seen, 9, 0), IdState::UnderWay);
         assert_eq!(look(&seen, 10, 0), IdState::New);
         for id in 1..=256 {
             seen.add(at(1), (MQTT, json!(id)), Order::Reset, None, Ticket(id));
         }
-        assert_eq!((look(&seen, 1, 0), look(&seen, 1, 1)), (IdState::New, IdState::UnderWay));
+        assert_eq!(
+            (look(&seen, 1, 0), look(&seen, 1, 1)),
+            (IdState::New, IdState::UnderWay)
+        );
         let report = Report::new(Outcome::Confirmed, Reason::None);
         seen.ended(Ticket(1), report);
         assert_eq!(look(&seen, 1, 1), IdState::Ended(report));
-        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Coast, None), IdState::Other);
-        assert_eq!(seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)), IdState::Other);
+        assert_eq!(
+            seen.look(at(1), (MQTT, &json!(1)), &Order::Coast, None),
+            IdState::Other
+        );
+        assert_eq!(
+            seen.look(at(1), (MQTT, &json!(1)), &Order::Reset, Some(1)),
+            IdState::Other
+        );
         let other = Owner::MqttBy(CommanderName::new("plc").unwrap());
-        assert_eq!(seen.look(at(1), (other, &json!(1)), &Order::Reset, None), IdState::New, "the id of another client");
+        assert_eq!(
+            seen.look(at(1), (other, &json!(1)), &Order::Reset, None),
+            IdState::New,
+            "the id of another client"
+        );
         let refused = Report::refused(Reason::Stale);
         for id in 1_000..2_000 {
             seen.add_refused(at(2), (MQTT, json!(id)), Order::Reset, None, refused);
         }
-        assert_eq!((look(&seen, 2, 1_743), look(&seen, 2, 1_744)), (IdState::New, IdState::Ended(refused)));
-        assert_eq!(look(&seen, 2, 1), IdState::Ended(report), "refused ones take no room of executed ones");
+        assert_eq!(
+            (look(&seen, 2, 1_743), look(&seen, 2, 1_744)),
+            (IdState::New, IdState::Ended(refused))
+        );
+        assert_eq!(
+            look(&seen, 2, 1),
+            IdState::Ended(report),
+            "refused ones take no room of executed ones"
+        );
     }
 }

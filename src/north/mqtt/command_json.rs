@@ -4,26 +4,47 @@ use super::params;
 use super::payload::{InputCommand, go, stop_order};
 use crate::domain::command::{Go, Order, Reason, RegisterWrite};
 use crate::north::command_words::{
-    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number, not_understood, object,
-    only_true, run, short, stop_in,
+    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_a_number,
+    not_understood, object, only_true, run, short, stop_in,
 };
 use crate::profile::model::Model;
 use crate::profile::scale::setpoint_step;
 use serde_json::{Map, Value};
 use std::time::Duration;
 
-const KEYS: [&str; 8] = ["id", "run", "frequency_hz", "reset", "param", "ttl_ms", "issued_at", "epoch"];
+const KEYS: [&str; 8] = [
+    "id",
+    "run",
+    "frequency_hz",
+    "reset",
+    "param",
+    "ttl_ms",
+    "issued_at",
+    "epoch",
+];
 const EXAMPLE: &str = r#"{"id": "a1", "run": "forward", "frequency_hz": 42.5}"#;
 const ID_MAX_CHARS: usize = 64;
 const TTL_MAX_MS: u64 = 60_000;
 
 /// The wish that `payload` contains, with its id if one could be read. A stop counts whatever else the payload
 /// contains.
-pub(super) fn read(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
+pub(super) fn read(
+    payload: &[u8],
+    model: &Model,
+) -> (Option<Value>, Result<InputCommand, Refused>) {
     let (id, wish) = whole_command(payload, model);
-    let Some(stop) = stop_in(payload) else { return (id, wish) };
+    let Some(stop) = stop_in(payload) else {
+        return (id, wish);
+    };
     let remark = wish.err().map(|refused| beside_a_stop(&refused));
-    (id.clone(), Ok(InputCommand { id, remark, ..InputCommand::plain(stop_order(stop)) }))
+    (
+        id.clone(),
+        Ok(InputCommand {
+            id,
+            remark,
+            ..InputCommand::plain(stop_order(stop))
+        }),
+    )
 }
 
 fn whole_command(payload: &[u8], model: &Model) -> (Option<Value>, Result<InputCommand, Refused>) {
@@ -49,8 +70,18 @@ fn wish(
         id,
         order: order(object, model)?,
         ttl: ttl(object)?,
-        issued_at: whole(object, "issued_at", "milliseconds since 1970 in UTC, such as 1767225600000", Value::as_i64)?,
-        epoch: whole(object, "epoch", "the number from the drive's `state`, such as 7", Value::as_u64)?,
+        issued_at: whole(
+            object,
+            "issued_at",
+            "milliseconds since 1970 in UTC, such as 1767225600000",
+            Value::as_i64,
+        )?,
+        epoch: whole(
+            object,
+            "epoch",
+            "the number from the drive's `state`, such as 7",
+            Value::as_u64,
+        )?,
         issued: None,
         remark: None,
     })
@@ -64,13 +95,20 @@ fn id(object: &Map<String, Value>) -> Result<Option<Value>, Refused> {
     match object.get("id") {
         None => Ok(None),
         Some(id) if fits(id) => Ok(Some(id.clone())),
-        Some(_) => Err(not_understood("`id` takes a text of 1 to 64 characters or an integer, such as \"a1\"")),
+        Some(_) => Err(not_understood(
+            "`id` takes a text of 1 to 64 characters or an integer, such as \"a1\"",
+        )),
     }
 }
 
 fn ttl(object: &Map<String, Value>) -> Result<Option<Duration>, Refused> {
     let in_range = |value: &Value| value.as_u64().filter(|ttl| (1..=TTL_MAX_MS).contains(ttl));
-    let ttl = whole(object, "ttl_ms", "milliseconds from 1 to 60000, such as 500", in_range)?;
+    let ttl = whole(
+        object,
+        "ttl_ms",
+        "milliseconds from 1 to 60000, such as 500",
+        in_range,
+    )?;
     Ok(ttl.map(Duration::from_millis))
 }
 
@@ -80,7 +118,9 @@ fn whole<T>(
     right: &str,
     take: impl Fn(&Value) -> Option<T>,
 ) -> Result<Option<T>, Refused> {
-    let Some(value) = object.get(key) else { return Ok(None) };
+    let Some(value) = object.get(key) else {
+        return Ok(None);
+    };
     let taken = take(value).ok_or_else(|| not_understood(format!("`{key}` takes {right}")))?;
     Ok(Some(taken))
 }
@@ -98,11 +138,13 @@ fn order(object: &Map<String, Value>, model: &Model) -> Result<Order, Refused> {
     let registers = registers(object, model)?;
     let has_values = frequency.is_some() || !registers.is_empty();
     match run {
-        _ if is_reset && (run.is_some() || has_values) => Err(conflict("`reset` stands alone: send the rest after it")),
-        _ if is_reset => Ok(Order::Reset),
-        None if !has_values => {
-            Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
+        _ if is_reset && (run.is_some() || has_values) => {
+            Err(conflict("`reset` stands alone: send the rest after it"))
         }
+        _ if is_reset => Ok(Order::Reset),
+        None if !has_values => Err(not_understood(format!(
+            "the command orders nothing; right is, for example, {EXAMPLE}"
+        ))),
         Some(RunWord::Run(direction)) => go(registers, frequency, Some(direction)),
         _ => go(registers, frequency, None),
     }
@@ -112,7 +154,11 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
     let params = match object.get("param") {
         None => return Ok(Vec::new()),
         Some(Value::Object(params)) => params,
-        Some(_) => return Err(not_understood("`param` takes an object, such as {\"NAME\": 10.5}")),
+        Some(_) => {
+            return Err(not_understood(
+                "`param` takes an object, such as {\"NAME\": 10.5}",
+            ));
+        }
     };
     if params.len() > Go::REGISTERS_MAX {
         let message = format!("`param` takes at most {} parameters", Go::REGISTERS_MAX);
@@ -120,10 +166,15 @@ fn registers(object: &Map<String, Value>, model: &Model) -> Result<Vec<RegisterW
     }
     let mut writes: Vec<RegisterWrite> = Vec::with_capacity(params.len());
     for (code, value) in params {
-        let number = value.as_f64().ok_or_else(|| not_a_number(&short(code), "10.5"))?;
+        let number = value
+            .as_f64()
+            .ok_or_else(|| not_a_number(&short(code), "10.5"))?;
         let write = params::write(model, code, number)?;
         if writes.iter().any(|it| it.address == write.address) {
-            return Err(conflict(&format!("`{}` occurs twice, by code and by name", short(code))));
+            return Err(conflict(&format!(
+                "`{}` occurs twice, by code and by name",
+                short(code)
+            )));
         }
         writes.push(write);
     }
@@ -154,12 +205,25 @@ mod tests {
         let wish = wish.unwrap();
         assert_eq!(id, Some(json!(7)));
         let Order::Go(go) = wish.order else { panic!() };
-        assert_eq!((go.run(), go.frequency()), (Some(Direction::Reverse), Some(Hertz::from_millihertz(42_500))));
-        let writes: Vec<_> = go.registers().iter().map(|it| (it.address.number(), it.value)).collect();
+        assert_eq!(
+            (go.run(), go.frequency()),
+            (
+                Some(Direction::Reverse),
+                Some(Hertz::from_millihertz(42_500))
+            )
+        );
+        let writes: Vec<_> = go
+            .registers()
+            .iter()
+            .map(|it| (it.address.number(), it.value))
+            .collect();
         assert_eq!(writes, [(0x020E, 5), (0x020C, 100)]);
         let ttl = Some(Duration::from_millis(500));
         let issued_at = Some(1_767_225_600_000);
-        assert_eq!((wish.ttl, wish.issued_at, wish.epoch), (ttl, issued_at, Some(3)));
+        assert_eq!(
+            (wish.ttl, wish.issued_at, wish.epoch),
+            (ttl, issued_at, Some(3))
+        );
     }
 
     #[test]
@@ -167,7 +231,10 @@ mod tests {
         let order = |text: &str| read(text.as_bytes(), &model()).1.expect(text).order;
         let stop = Order::Stop { setpoint: None };
         assert_eq!(order(r#"{"run":"stop","frequency_hz":5}"#), stop);
-        assert_eq!(order(r#"{"run":"stop","reset":true,"frequency_hz":"fast"}"#), stop);
+        assert_eq!(
+            order(r#"{"run":"stop","reset":true,"frequency_hz":"fast"}"#),
+            stop
+        );
         assert_eq!(order(r#"{"run":"coast","param":{"F007":1}}"#), Order::Coast);
         for beside in [
             r#""speed":5"#,
@@ -183,11 +250,16 @@ mod tests {
             r#""param":{"F007":1,"F007":2}"#,
             r#""x":"#,
         ] {
-            for text in [format!(r#"{{"run":"stop",{beside}}}"#), format!(r#"{{{beside},"run":"stop"}}"#)] {
+            for text in [
+                format!(r#"{{"run":"stop",{beside}}}"#),
+                format!(r#"{{{beside},"run":"stop"}}"#),
+            ] {
                 let wish = read(text.as_bytes(), &model()).1.expect(&text);
                 assert_eq!(wish.order, stop, "{text}");
                 assert!(
-                    wish.remark.is_some_and(|remark| remark.starts_with("the stop was taken all the same: ")),
+                    wish.remark.is_some_and(
+                        |remark| remark.starts_with("the stop was taken all the same: ")
+                    ),
                     "{text}"
                 );
             }
@@ -196,12 +268,17 @@ mod tests {
         assert_eq!((id, wish.unwrap().id), (Some(json!("a")), Some(json!("a"))));
         assert_eq!(order(r#"{"run":"stop"} x"#), stop);
         assert_eq!(order(r#"{"run":"stop""#), stop);
-        assert_eq!(order(&json!({ "run": "stop", "id": "x".repeat(65) }).to_string()), stop);
+        assert_eq!(
+            order(&json!({ "run": "stop", "id": "x".repeat(65) }).to_string()),
+            stop
+        );
     }
 
     #[test]
     fn what_is_not_exactly_known_is_refused_by_name() {
-        use Reason::{Conflict, NotANumber, NotListed, NotUnderstood, OutsideLimits, TooManyFrames};
+        use Reason::{
+            Conflict, NotANumber, NotListed, NotUnderstood, OutsideLimits, TooManyFrames,
+        };
         let table = [
             ("", NotUnderstood),
             ("[]", NotUnderstood),
@@ -242,9 +319,14 @@ mod tests {
         for (text, expected) in table {
             assert_eq!(reason(text), expected, "{text}");
         }
-        let many: Map<_, _> = (0..17).map(|number| (format!("p{number}"), json!(1))).collect();
+        let many: Map<_, _> = (0..17)
+            .map(|number| (format!("p{number}"), json!(1)))
+            .collect();
         assert_eq!(reason(&json!({ "param": many }).to_string()), TooManyFrames);
-        assert_eq!(reason(&json!({ "run": "forward", "id": "x".repeat(65) }).to_string()), NotUnderstood);
+        assert_eq!(
+            reason(&json!({ "run": "forward", "id": "x".repeat(65) }).to_string()),
+            NotUnderstood
+        );
         assert_eq!(reason(&"[".repeat(8000)), NotUnderstood);
     }
 
@@ -252,6 +334,9 @@ mod tests {
     fn a_refusal_gives_the_id_back_and_names_the_key() {
         let (id, wish) = read(br#"{"id":"a:\"1","frequncy_hz":5}"#, &model());
         assert_eq!(id, Some(json!("a:\"1")));
-        assert_eq!(wish.unwrap_err().message, "`frequncy_hz` is unknown; is it `frequency_hz`?");
+        assert_eq!(
+            wish.unwrap_err().message,
+            "`frequncy_hz` is unknown; is it `frequency_hz`?"
+        );
     }
 }

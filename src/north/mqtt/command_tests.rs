@@ -1,7 +1,8 @@
 //! The effects of messages: commands, refusals, results.
 
 use super::harness::{
-    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result, results, settings, told,
+    EPOCH_MS, Rig, Staged, commands, kept, message, on, orders, publications, reads, result,
+    results, settings, told,
 };
 use super::types::{Act, Settings};
 use crate::domain::command::{Direction, Go, Order, Outcome, Owner, Reason, RegisterWrite, Report};
@@ -38,14 +39,19 @@ fn go(registers: Vec<RegisterWrite>, frequency: Option<u32>, run: Option<Directi
 
 /// An order to run, and its effect while no probe returns.
 fn run_without_echo(rig: &mut Rig) -> Vec<Act> {
-    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"forward")));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/pump/run/set",
+        b"forward",
+    )));
     rig.acts_without_echo()
 }
 
 /// The probe that is sent.
 fn probe(acts: &[Act]) -> Publication {
     let is_probe = |act: &&Act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe");
-    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else { panic!("no probe in {acts:?}") };
+    let Some(Act::Publish(probe)) = acts.iter().find(is_probe) else {
+        panic!("no probe in {acts:?}")
+    };
     probe.clone()
 }
 
@@ -57,7 +63,11 @@ fn refused(reason: &str) -> (String, String) {
 fn each_input_becomes_its_order() {
     let acceleration = RegisterWrite::new(0x020C_u16, 105);
     let table: [(&str, &[u8], Order); 14] = [
-        ("run/set", b"forward", go(vec![], None, Some(Direction::Forward))),
+        (
+            "run/set",
+            b"forward",
+            go(vec![], None, Some(Direction::Forward)),
+        ),
         ("run/set", b" STOP ", STOP),
         ("run/set", b"coast", Order::Coast),
         ("frequency/set", b"42.5", go(vec![], Some(42_500), None)),
@@ -65,14 +75,34 @@ fn each_input_becomes_its_order() {
         ("control/take", b"take", Order::Take),
         ("lease", b"", Order::Renew),
         // With a byte order mark, as some editors and languages write it.
-        ("command", b"\xEF\xBB\xBF{\"run\":\"reverse\"}", go(vec![], None, Some(Direction::Reverse))),
-        ("run/set", b"\xEF\xBB\xBFforward", go(vec![], None, Some(Direction::Forward))),
-        ("frequency/set", b"\xEF\xBB\xBF42.5", go(vec![], Some(42_500), None)),
+        (
+            "command",
+            b"\xEF\xBB\xBF{\"run\":\"reverse\"}",
+            go(vec![], None, Some(Direction::Reverse)),
+        ),
+        (
+            "run/set",
+            b"\xEF\xBB\xBFforward",
+            go(vec![], None, Some(Direction::Forward)),
+        ),
+        (
+            "frequency/set",
+            b"\xEF\xBB\xBF42.5",
+            go(vec![], Some(42_500), None),
+        ),
         // A stop is taken as the word alone.
         ("command", b"stop", STOP),
         ("command", b" \"Coast\"\n", Order::Coast),
-        ("param/acceleration_time/set", b"10.5", go(vec![acceleration], None, None)),
-        ("command", br#"{"frequency_hz":5,"param":{"F007":10.5}}"#, go(vec![acceleration], Some(5_000), None)),
+        (
+            "param/acceleration_time/set",
+            b"10.5",
+            go(vec![acceleration], None, None),
+        ),
+        (
+            "command",
+            br#"{"frequency_hz":5,"param":{"F007":10.5}}"#,
+            go(vec![acceleration], Some(5_000), None),
+        ),
     ];
     for (input, payload, order) in table {
         let mut rig = Rig::born(Version::V5);
@@ -80,7 +110,10 @@ fn each_input_becomes_its_order() {
         assert_eq!(orders(&acts), [&order], "{input}");
         assert_eq!(results(&acts), [Value::Null; 0]);
         let request = commands(&acts)[0];
-        assert_eq!((request.asker, request.origin.owner), (AskerId::MQTT, Owner::Mqtt));
+        assert_eq!(
+            (request.asker, request.origin.owner),
+            (AskerId::MQTT, Owner::Mqtt)
+        );
         assert_eq!(request.start_before, rig.now() + Duration::from_secs(1));
         let acts = rig.send(&format!("by/plc-2/drive/pump/{input}"), payload);
         assert_eq!(orders(&acts), [&order], "{input}");
@@ -95,19 +128,36 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
     let acts = rig.send("by/plc-2/drive/pump/run/set", b"forward");
     let plc_1 = Owner::MqttBy(CommanderName::new("plc-1").expect("a name"));
     let lease = Some((plc_1, MonoTime::from_millis(9_000)));
-    rig.views[0].control = Some(ControlView { lease, ..ControlView::default() });
+    rig.views[0].control = Some(ControlView {
+        lease,
+        ..ControlView::default()
+    });
     let acts = rig.report(commands(&acts)[0].ticket, Report::held_by(plc_1), true);
     let told = &results(&acts)[0];
-    assert_eq!((&told["by"], &told["owner"]), (&json!("plc-2"), &json!("mqtt plc-1")));
+    assert_eq!(
+        (&told["by"], &told["owner"]),
+        (&json!("plc-2"), &json!("mqtt plc-1"))
+    );
     assert_eq!(told["message"], "mqtt plc-1 holds control of the drive");
-    assert_eq!(on(&acts, "drive/pump/control/owner").as_deref(), Some("mqtt plc-1"));
+    assert_eq!(
+        on(&acts, "drive/pump/control/owner").as_deref(),
+        Some("mqtt plc-1")
+    );
 
     let long = "x".repeat(33);
     for name in ["", "a b", "\u{FC}", long.as_str()] {
         let acts = rig.send(&format!("by/{name}/drive/pump/run/set"), b"stop");
-        assert_eq!(orders(&acts), [&STOP], "a stop is one whatever its topic says: {name}");
+        assert_eq!(
+            orders(&acts),
+            [&STOP],
+            "a stop is one whatever its topic says: {name}"
+        );
         let acts = rig.send(&format!("by/{name}/drive/pump/run/set"), b"forward");
-        assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("not_understood")), "{name}");
+        assert_eq!(
+            (commands(&acts).len(), result(&acts)),
+            (0, refused("not_understood")),
+            "{name}"
+        );
         assert_eq!((kept(&acts).len(), kept(&acts)[0].owner), (1, Owner::Mqtt));
     }
 }
@@ -116,9 +166,17 @@ fn what_comes_under_a_name_is_answered_with_it_and_no_other_word_is_a_name() {
 fn ids_belong_to_their_commander() {
     let mut rig = Rig::born(Version::V5);
     let command = br#"{"id":7,"frequency_hz":42.5}"#;
-    for topic in ["drive/pump/command", "by/a/drive/pump/command", "by/b/drive/pump/command"] {
+    for topic in [
+        "drive/pump/command",
+        "by/a/drive/pump/command",
+        "by/b/drive/pump/command",
+    ] {
         assert_eq!(commands(&rig.send(topic, command)).len(), 1, "{topic}");
-        assert_eq!(commands(&rig.send(topic, command)).len(), 0, "{topic} again");
+        assert_eq!(
+            commands(&rig.send(topic, command)).len(),
+            0,
+            "{topic} again"
+        );
     }
 }
 
@@ -136,17 +194,50 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
     let text = |text: &str| (Tried::Text(text.to_owned()), Owner::Mqtt);
     let large = vec![b'1'; 9_000];
     let table: [Case<'_>; 7] = [
-        ("drive/pump/run/set", b"start", text("drive/pump/run/set: start"), Reason::NotUnderstood),
-        ("drive/pumb/run/set", b"stop", text("drive/pumb/run/set: stop"), Reason::UnknownDrive),
-        ("drive/a b/run/set", b"stop", text("drive/a b/run/set: stop"), Reason::UnknownDrive),
-        ("all/run/set", b"forward", text("all/run/set: forward"), Reason::NotUnderstood),
-        ("drive/pump/frequency/set", b"4,5", text("drive/pump/frequency/set: 4,5"), Reason::NotANumber),
-        ("drive/pump/command", br#"{"run":"forward","issued_at":1}"#, of_everybody(run()), Reason::Stale),
+        (
+            "drive/pump/run/set",
+            b"start",
+            text("drive/pump/run/set: start"),
+            Reason::NotUnderstood,
+        ),
+        (
+            "drive/pumb/run/set",
+            b"stop",
+            text("drive/pumb/run/set: stop"),
+            Reason::UnknownDrive,
+        ),
+        (
+            "drive/a b/run/set",
+            b"stop",
+            text("drive/a b/run/set: stop"),
+            Reason::UnknownDrive,
+        ),
+        (
+            "all/run/set",
+            b"forward",
+            text("all/run/set: forward"),
+            Reason::NotUnderstood,
+        ),
+        (
+            "drive/pump/frequency/set",
+            b"4,5",
+            text("drive/pump/frequency/set: 4,5"),
+            Reason::NotANumber,
+        ),
+        (
+            "drive/pump/command",
+            br#"{"run":"forward","issued_at":1}"#,
+            of_everybody(run()),
+            Reason::Stale,
+        ),
         (
             "by/plc-2/drive/pump/frequency/set",
             &large,
             (
-                Tried::Text(format!("by/plc-2/drive/pump/frequency/set: {}\u{2026}", "1".repeat(40))),
+                Tried::Text(format!(
+                    "by/plc-2/drive/pump/frequency/set: {}\u{2026}",
+                    "1".repeat(40)
+                )),
                 Owner::MqttBy(CommanderName::new("plc-2").expect("a name")),
             ),
             Reason::TooLarge,
@@ -155,8 +246,18 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
     for (topic, payload, (tried, owner), reason) in table {
         let mut rig = Rig::born(Version::V5);
         let acts = rig.send(topic, payload);
-        let place = acts.iter().find_map(|act| if let Act::Keep(drive, _) = act { Some(*drive) } else { None });
-        assert_eq!(place.flatten().is_some(), topic.contains("/pump/"), "{topic}");
+        let place = acts.iter().find_map(|act| {
+            if let Act::Keep(drive, _) = act {
+                Some(*drive)
+            } else {
+                None
+            }
+        });
+        assert_eq!(
+            place.flatten().is_some(),
+            topic.contains("/pump/"),
+            "{topic}"
+        );
         let all = kept(&acts);
         assert_eq!(all.len(), 1, "{topic}");
         assert_eq!((&all[0].tried, all[0].owner), (&tried, owner), "{topic}");
@@ -164,11 +265,23 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
     }
     let mut rig = Rig::born(Version::V5);
     let topic = "vfd/plant/drive/pump/run/set";
-    let acts = rig.deliver(&Message { duplicate: true, ..message(topic, b"forward") });
-    assert_eq!((&kept(&acts)[0].tried, kept(&acts)[0].owner), (&of_everybody(run()).0, Owner::Mqtt));
-    for (topic, payload) in [("drive/pump/lease", &b"x"[..]), ("drive/pump/param/F007/get", b"x")] {
+    let acts = rig.deliver(&Message {
+        duplicate: true,
+        ..message(topic, b"forward")
+    });
+    assert_eq!(
+        (&kept(&acts)[0].tried, kept(&acts)[0].owner),
+        (&of_everybody(run()).0, Owner::Mqtt)
+    );
+    for (topic, payload) in [
+        ("drive/pump/lease", &b"x"[..]),
+        ("drive/pump/param/F007/get", b"x"),
+    ] {
         let topic = format!("vfd/plant/{topic}");
-        let acts = rig.deliver(&Message { retain: true, ..message(&topic, payload) });
+        let acts = rig.deliver(&Message {
+            retain: true,
+            ..message(&topic, payload)
+        });
         assert_eq!(kept(&acts).len(), 0, "no attempt to write: {topic}");
         let acts = rig.deliver(&message(&topic, &large));
         assert_eq!(kept(&acts).len(), 0, "no attempt to write: {topic}");
@@ -179,23 +292,42 @@ fn what_comes_to_nothing_is_kept_with_who_what_and_why() {
 fn what_is_taken_back_or_not_taken_by_a_line_is_kept() {
     let mut rig = Rig::born(Version::V5);
     let run = go(vec![], None, Some(Direction::Forward));
-    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"forward")));
-    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/pump/run/set",
+        b"forward",
+    )));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/pump/run/set",
+        b"stop",
+    )));
     let acts = rig.acts();
     assert_eq!(orders(&acts), [&STOP]);
     let cut = Report::new(Outcome::Superseded, Reason::Stopped);
-    assert_eq!((&kept(&acts)[0].tried, kept(&acts)[0].report), (&Tried::Order(run.clone()), Some(cut)));
+    assert_eq!(
+        (&kept(&acts)[0].tried, kept(&acts)[0].report),
+        (&Tried::Order(run.clone()), Some(cut))
+    );
 
     let ticket = commands(&rig.send("drive/fan/run/set", b"forward"))[0].ticket;
     rig.session.refused_by_line(rig.at(), ticket);
     let acts = rig.acts();
-    assert_eq!(kept(&acts)[0].report, Some(Report::refused(Reason::QueueFull)));
+    assert_eq!(
+        kept(&acts)[0].report,
+        Some(Report::refused(Reason::QueueFull))
+    );
 
-    rig.handle(Event::Message(message("vfd/plant/drive/fan/run/set", b"forward")));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/fan/run/set",
+        b"forward",
+    )));
     rig.millis += 100_000;
     rig.session.tick(rig.at());
     let acts = rig.acts();
-    assert_eq!((commands(&acts).len(), kept(&acts).len()), (0, 1), "it was not fetched");
+    assert_eq!(
+        (commands(&acts).len(), kept(&acts).len()),
+        (0, 1),
+        "it was not fetched"
+    );
     rig.send("drive/fan/run/set", b"forward");
     assert_eq!(kept(&rig.pass(100_000)).len(), 0, "a line had it");
 }
@@ -206,11 +338,21 @@ fn a_retained_command_is_refused_on_every_input() {
         for (input, payload) in INPUTS {
             let mut rig = Rig::born(version);
             let topic = format!("vfd/plant/{input}");
-            let acts = rig.deliver(&Message { retain: true, ..message(&topic, payload) });
-            assert_eq!((commands(&acts).len(), reads(&acts).len()), (0, 0), "{input}");
+            let acts = rig.deliver(&Message {
+                retain: true,
+                ..message(&topic, payload)
+            });
+            assert_eq!(
+                (commands(&acts).len(), reads(&acts).len()),
+                (0, 0),
+                "{input}"
+            );
             assert_eq!(result(&acts), refused("retained"), "{input}");
             assert_eq!(rig.session.counters().refused_retained, 1);
-            let acts = rig.deliver(&Message { retain: true, ..message(&topic, b"") });
+            let acts = rig.deliver(&Message {
+                retain: true,
+                ..message(&topic, b"")
+            });
             assert_eq!(acts, [], "a topic is cleared: {input}");
         }
     }
@@ -224,18 +366,30 @@ fn a_retained_stop_is_live_with_version_5_and_a_replay_before() {
         ("vfd/plant/drive/pump/command", br#"{"run":"stop"}"#),
         ("vfd/plant/all/run/set", b"stop"),
     ] {
-        let retained = Message { retain: true, ..message(topic, payload) };
+        let retained = Message {
+            retain: true,
+            ..message(topic, payload)
+        };
         let mut rig = Rig::born(Version::V5);
         let acts = rig.deliver(&retained);
         assert_eq!(commands(&acts).len(), 1, "{topic}");
         assert_eq!(rig.session.counters().retained_stops, 1);
         let ticket = commands(&acts)[0].ticket;
         let told = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
-        assert!(told[0]["message"].as_str().expect("a warning").contains("retain"));
+        assert!(
+            told[0]["message"]
+                .as_str()
+                .expect("a warning")
+                .contains("retain")
+        );
 
         let mut rig = Rig::born(Version::V4);
         let acts = rig.deliver(&retained);
-        assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("retained")), "{topic}");
+        assert_eq!(
+            (commands(&acts).len(), result(&acts)),
+            (0, refused("retained")),
+            "{topic}"
+        );
     }
 }
 
@@ -255,7 +409,11 @@ fn bad_payloads_give_one_result_and_no_command() {
         ("drive/pump/lease", &large, "too_large"),
         ("drive/pump/param/F007/get", &large, "too_large"),
         ("drive/pump/command", b"[1]", "not_understood"),
-        ("drive/pump/command", br#"{"reset":true,"frequency_hz":5}"#, "conflict"),
+        (
+            "drive/pump/command",
+            br#"{"reset":true,"frequency_hz":5}"#,
+            "conflict",
+        ),
         ("drive/pump/param/F999/get", b"", "not_listed"),
         ("drive/pump/param/run_command/set", b"1", "not_listed"),
         ("drive/pumb/run/set", b"stop", "unknown_drive"),
@@ -272,17 +430,36 @@ fn bad_payloads_give_one_result_and_no_command() {
     for (input, payload, reason) in table {
         let mut rig = Rig::born(Version::V5);
         let acts = rig.send(input, payload);
-        assert_eq!((commands(&acts).len(), reads(&acts).len()), (0, 0), "{input}");
+        assert_eq!(
+            (commands(&acts).len(), reads(&acts).len()),
+            (0, 0),
+            "{input}"
+        );
         assert_eq!(result(&acts), refused(reason), "{input}");
         let all = results(&acts);
         let text = |key: &str| all[0][key].as_str().map_or(0, str::len);
-        assert!(text("id") > 0 && text("message") > 0 && text("message") < 300, "{all:?}");
+        assert!(
+            text("id") > 0 && text("message") > 0 && text("message") < 300,
+            "{all:?}"
+        );
     }
     let mut rig = Rig::born(Version::V5);
     let acts = rig.send("drive/pumb/run/set", b"stop");
-    assert_eq!(results(&acts)[0]["message"], "there is no drive `pumb`; is it `pump`?");
-    for ignored in ["drive/a b/run/set", "drive//run/set", "drive/pump/run/state", "elsewhere"] {
-        assert_eq!(publications(&rig.send(ignored, b"stop")), [] as [&Publication; 0], "{ignored}");
+    assert_eq!(
+        results(&acts)[0]["message"],
+        "there is no drive `pumb`; is it `pump`?"
+    );
+    for ignored in [
+        "drive/a b/run/set",
+        "drive//run/set",
+        "drive/pump/run/state",
+        "elsewhere",
+    ] {
+        assert_eq!(
+            publications(&rig.send(ignored, b"stop")),
+            [] as [&Publication; 0],
+            "{ignored}"
+        );
     }
     assert_eq!(rig.session.counters().ignored, 4);
 }
@@ -300,29 +477,70 @@ fn stop_all_goes_to_each_drive_with_control() {
 #[test]
 fn results_come_in_stages_with_the_values_read_back() {
     let mut rig = Rig::born(Version::V5);
-    let acts = rig.send("drive/pump/command", br#"{"id":"a1","frequency_hz":42.5,"param":{"F007":10.5}}"#);
+    let acts = rig.send(
+        "drive/pump/command",
+        br#"{"id":"a1","frequency_hz":42.5,"param":{"F007":10.5}}"#,
+    );
     let ticket = commands(&acts)[0].ticket;
     let all = results(&rig.answer(ticket, Outcome::Acknowledged, Reason::None, false));
-    let parts = |it: &Value| ["id", "drive", "outcome", "final", "values"].map(|key| it[key].clone());
-    assert_eq!(parts(&all[0]), [json!("a1"), json!("pump"), json!("acknowledged"), json!(false), Value::Null]);
+    let parts =
+        |it: &Value| ["id", "drive", "outcome", "final", "values"].map(|key| it[key].clone());
+    assert_eq!(
+        parts(&all[0]),
+        [
+            json!("a1"),
+            json!("pump"),
+            json!("acknowledged"),
+            json!(false),
+            Value::Null
+        ]
+    );
     let all = results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true));
     let values = json!({ "frequency_hz": 42.5, "F007": 10.5 });
-    assert_eq!(parts(&all[0]), [json!("a1"), json!("pump"), json!("confirmed"), json!(true), values]);
-    assert_eq!(rig.answer(ticket, Outcome::Confirmed, Reason::None, true), [], "only one last word");
+    assert_eq!(
+        parts(&all[0]),
+        [
+            json!("a1"),
+            json!("pump"),
+            json!("confirmed"),
+            json!(true),
+            values
+        ]
+    );
+    assert_eq!(
+        rig.answer(ticket, Outcome::Confirmed, Reason::None, true),
+        [],
+        "only one last word"
+    );
 }
 
 #[test]
 fn a_refusal_by_the_drive_shows_what_it_holds() {
     let mut rig = Rig::born(Version::V5);
-    let kept = Report { held: Some(2_000), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
+    let kept = Report {
+        held: Some(2_000),
+        ..Report::new(Outcome::Failed, Reason::KeptOldValue)
+    };
     for (input, payload, values) in [
-        ("frequency/set", &b"42.5"[..], json!({ "frequency_hz": 20.0 })),
+        (
+            "frequency/set",
+            &b"42.5"[..],
+            json!({ "frequency_hz": 20.0 }),
+        ),
         ("param/F007/set", b"10.5", json!({ "F007": 200.0 })),
-        ("command", br#"{"run":"forward","frequency_hz":42.5}"#, Value::Null),
+        (
+            "command",
+            br#"{"run":"forward","frequency_hz":42.5}"#,
+            Value::Null,
+        ),
     ] {
         let acts = rig.send(&format!("drive/pump/{input}"), payload);
         let all = results(&rig.report(commands(&acts)[0].ticket, kept, true));
-        assert_eq!((&all[0]["held"], &all[0]["values"]), (&json!(2_000), &values), "{input}");
+        assert_eq!(
+            (&all[0]["held"], &all[0]["values"]),
+            (&json!(2_000), &values),
+            "{input}"
+        );
     }
 }
 
@@ -332,16 +550,30 @@ fn a_repeat_gets_the_first_outcome_and_moves_nothing() {
     let command = br#"{"id":7,"frequency_hz":42.5}"#;
     let ticket = commands(&rig.send("drive/pump/command", command))[0].ticket;
     let acts = rig.send("drive/pump/command", command);
-    assert_eq!((acts.len(), kept(&acts).len()), (1, 1), "its outcome will come");
+    assert_eq!(
+        (acts.len(), kept(&acts).len()),
+        (1, 1),
+        "its outcome will come"
+    );
     rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
     let acts = rig.send("drive/pump/command", command);
     assert_eq!(commands(&acts).len(), 0);
     let all = results(&acts);
-    assert_eq!((&all[0]["outcome"], &all[0]["repeat"], &all[0]["id"]), (&json!("confirmed"), &json!(true), &json!(7)));
-    assert_eq!(result(&rig.send("drive/pump/command", br#"{"id":7,"frequency_hz":43}"#)), refused("duplicate"));
+    assert_eq!(
+        (&all[0]["outcome"], &all[0]["repeat"], &all[0]["id"]),
+        (&json!("confirmed"), &json!(true), &json!(7))
+    );
+    assert_eq!(
+        result(&rig.send("drive/pump/command", br#"{"id":7,"frequency_hz":43}"#)),
+        refused("duplicate")
+    );
     assert_eq!(rig.session.counters().duplicates, 3);
     rig.pass(600_000);
-    assert_eq!(commands(&rig.send("drive/pump/command", command)).len(), 1, "ten minutes later it is a new one");
+    assert_eq!(
+        commands(&rig.send("drive/pump/command", command)).len(),
+        1,
+        "ten minutes later it is a new one"
+    );
 }
 
 #[test]
@@ -351,23 +583,39 @@ fn a_stop_is_executed_however_often_it_comes() {
     for _ in 0..3 {
         assert_eq!(orders(&rig.send("drive/pump/command", stop)), [&STOP]);
     }
-    assert_eq!(result(&rig.send("drive/pump/command", br#"{"id":"s","run":"forward"}"#)), refused("duplicate"));
+    assert_eq!(
+        result(&rig.send("drive/pump/command", br#"{"id":"s","run":"forward"}"#)),
+        refused("duplicate")
+    );
     for payload in [&b"stop"[..], b"coast"] {
-        let repeat = Message { duplicate: true, ..message("vfd/plant/drive/pump/run/set", payload) };
+        let repeat = Message {
+            duplicate: true,
+            ..message("vfd/plant/drive/pump/run/set", payload)
+        };
         assert_eq!(commands(&rig.deliver(&repeat)).len(), 1);
     }
 }
 
 #[test]
 fn a_redelivery_without_an_id_is_refused() {
-    for (input, payload) in INPUTS.into_iter().filter(|(input, _)| input.starts_with("drive/pump")) {
+    for (input, payload) in INPUTS
+        .into_iter()
+        .filter(|(input, _)| input.starts_with("drive/pump"))
+    {
         let mut rig = Rig::born(Version::V5);
         let topic = format!("vfd/plant/{input}");
-        let acts = rig.deliver(&Message { duplicate: true, ..message(&topic, payload) });
+        let acts = rig.deliver(&Message {
+            duplicate: true,
+            ..message(&topic, payload)
+        });
         if input.ends_with("get") {
             assert_eq!(reads(&acts).len(), 1, "reading moves nothing");
         } else {
-            assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("duplicate")), "{input}");
+            assert_eq!(
+                (commands(&acts).len(), result(&acts)),
+                (0, refused("duplicate")),
+                "{input}"
+            );
         }
     }
 }
@@ -383,8 +631,14 @@ fn the_shortest_deadline_wins() {
         (br#"{"run":"forward"}"#, Some(3), 1_000),
         (br#"{"run":"forward"}"#, Some(0), 0),
     ] {
-        let acts = rig.deliver(&Message { expiry: expiry.map(Duration::from_secs), ..message(topic, payload) });
-        assert_eq!(commands(&acts)[0].start_before, rig.now() + Duration::from_millis(expected));
+        let acts = rig.deliver(&Message {
+            expiry: expiry.map(Duration::from_secs),
+            ..message(topic, payload)
+        });
+        assert_eq!(
+            commands(&acts)[0].start_before,
+            rig.now() + Duration::from_millis(expected)
+        );
     }
 }
 
@@ -399,18 +653,37 @@ fn a_command_that_was_issued_too_long_ago_is_stale_but_a_stop_never_is() {
     };
     let acts = send(&mut rig, "forward", 400);
     let request = commands(&acts)[0];
-    assert_eq!((request.issued, request.epoch), (Some(MonoTime::from_millis(10_600)), Some(7)));
+    assert_eq!(
+        (request.issued, request.epoch),
+        (Some(MonoTime::from_millis(10_600)), Some(7))
+    );
     assert_eq!(result(&send(&mut rig, "forward", 1_001)), refused("stale"));
-    assert_eq!(result(&send(&mut rig, "forward", -2_001)), refused("clock_ahead"));
-    assert_eq!(commands(&send(&mut rig, "forward", -500))[0].issued, Some(rig.now()), "nothing is issued later");
+    assert_eq!(
+        result(&send(&mut rig, "forward", -2_001)),
+        refused("clock_ahead")
+    );
+    assert_eq!(
+        commands(&send(&mut rig, "forward", -500))[0].issued,
+        Some(rig.now()),
+        "nothing is issued later"
+    );
     assert_eq!(orders(&send(&mut rig, "stop", 1_000_000)), [&STOP]);
     let far = format!(r#"{{"run":"forward","issued_at":{}}}"#, i64::MIN);
-    assert_eq!(result(&rig.send("drive/pump/command", far.as_bytes())), refused("stale"));
+    assert_eq!(
+        result(&rig.send("drive/pump/command", far.as_bytes())),
+        refused("stale")
+    );
 }
 
 #[test]
 fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
-    for (ahead_ms, is_taken) in [(0, true), (500, true), (2_000, true), (2_001, false), (50_000, false)] {
+    for (ahead_ms, is_taken) in [
+        (0, true),
+        (500, true),
+        (2_000, true),
+        (2_001, false),
+        (50_000, false),
+    ] {
         let mut rig = Rig::born(Version::V5);
         rig.pass(10_000);
         let come = rig.now();
@@ -419,24 +692,43 @@ fn a_command_ahead_of_our_clock_is_the_same_moment_when_it_comes_again() {
         let acts = rig.send("drive/pump/command", run.as_bytes());
         if !is_taken {
             assert_eq!(result(&acts), refused("clock_ahead"), "{ahead_ms}");
-            let told = results(&acts)[0]["message"].as_str().unwrap_or_default().to_owned();
+            let told = results(&acts)[0]["message"]
+                .as_str()
+                .unwrap_or_default()
+                .to_owned();
             assert!(
-                told.contains(&format!("{:.1} s ahead", f64::from(i32::try_from(ahead_ms).unwrap()) / 1000.0)),
+                told.contains(&format!(
+                    "{:.1} s ahead",
+                    f64::from(i32::try_from(ahead_ms).unwrap()) / 1000.0
+                )),
                 "{told}"
             );
         } else {
             assert_eq!(commands(&acts)[0].issued, Some(come), "{ahead_ms}");
             let ticket = commands(&acts)[0].ticket;
             let acts = rig.answer(ticket, Outcome::Acknowledged, Reason::None, true);
-            let message = results(&acts)[0]["message"].as_str().unwrap_or_default().to_owned();
-            assert_eq!(message.contains("s ahead of the gateway's clock"), ahead_ms >= 100, "{message}");
+            let message = results(&acts)[0]["message"]
+                .as_str()
+                .unwrap_or_default()
+                .to_owned();
+            assert_eq!(
+                message.contains("s ahead of the gateway's clock"),
+                ahead_ms >= 100,
+                "{message}"
+            );
         }
         // The same message after a stop, at any time.
         for later_ms in [1_000, 1_500, 49_000] {
             rig.pass(later_ms);
             let acts = rig.send("drive/pump/command", run.as_bytes());
-            assert!(commands(&acts).iter().all(|it| it.issued == Some(come)), "{ahead_ms} {later_ms}");
-            assert!(is_taken || commands(&acts).is_empty(), "{ahead_ms} {later_ms}");
+            assert!(
+                commands(&acts).iter().all(|it| it.issued == Some(come)),
+                "{ahead_ms} {later_ms}"
+            );
+            assert!(
+                is_taken || commands(&acts).is_empty(),
+                "{ahead_ms} {later_ms}"
+            );
         }
     }
 }
@@ -447,27 +739,53 @@ fn what_may_have_waited_through_a_stall_is_stale_but_a_stop_is_carried_out() {
         let mut rig = Rig::born(version);
         rig.pass(10_000);
         rig.handle(Event::Stalled(Duration::from_secs(3)));
-        let young = format!(r#"{{"id":"young","frequency_hz":40,"issued_at":{}}}"#, EPOCH_MS + 9_900);
+        let young = format!(
+            r#"{{"id":"young","frequency_hz":40,"issued_at":{}}}"#,
+            EPOCH_MS + 9_900
+        );
         for (rest, payload) in [
             ("run/set", "forward"),
             ("command", r#"{"id":"old","run":"forward","epoch":7}"#),
-            ("command", r#"{"id":"patient","frequency_hz":30,"ttl_ms":4000}"#),
+            (
+                "command",
+                r#"{"id":"patient","frequency_hz":30,"ttl_ms":4000}"#,
+            ),
             ("command", &young),
             ("run/set", "stop"),
         ] {
-            rig.handle(Event::Message(message(&format!("vfd/plant/drive/pump/{rest}"), payload.as_bytes())));
+            rig.handle(Event::Message(message(
+                &format!("vfd/plant/drive/pump/{rest}"),
+                payload.as_bytes(),
+            )));
         }
         // Before any of it the probe is sent that has to return, after everything that is queued at the broker.
         let acts = rig.acts_without_echo();
         let probe = probe(&acts);
         assert_eq!(probe.qos, Qos::AtLeastOnce);
-        assert_eq!(orders(&acts), [&STOP], "{version:?}: it takes back what was still taken");
-        let told: Vec<_> =
-            results(&acts).iter().map(|it| it["reason"].as_str().unwrap_or_default().to_owned()).collect();
-        assert_eq!(told, ["stale", "stale", "stopped", "stopped"], "{version:?}");
-        assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"), "still");
+        assert_eq!(
+            orders(&acts),
+            [&STOP],
+            "{version:?}: it takes back what was still taken"
+        );
+        let told: Vec<_> = results(&acts)
+            .iter()
+            .map(|it| it["reason"].as_str().unwrap_or_default().to_owned())
+            .collect();
+        assert_eq!(
+            told,
+            ["stale", "stale", "stopped", "stopped"],
+            "{version:?}"
+        );
+        assert_eq!(
+            result(&run_without_echo(&mut rig)),
+            refused("stale"),
+            "still"
+        );
         rig.handle(Event::Message(message("vfd/plant/probe", &probe.payload)));
-        assert_eq!(orders(&rig.send("drive/pump/run/set", b"forward")), [&go(vec![], None, Some(Direction::Forward))]);
+        assert_eq!(
+            orders(&rig.send("drive/pump/run/set", b"forward")),
+            [&go(vec![], None, Some(Direction::Forward))]
+        );
     }
 }
 
@@ -478,7 +796,9 @@ fn a_probe_from_before_the_stall_proves_nothing_and_a_new_connection_all() {
     let before = probe(&rig.acts_without_echo());
     rig.handle(Event::Stalled(Duration::from_secs(60)));
     assert!(
-        !rig.acts_without_echo().iter().any(|act| matches!(act, Act::Reconnect(_))),
+        !rig.acts_without_echo()
+            .iter()
+            .any(|act| matches!(act, Act::Reconnect(_))),
         "it is not the probe that is late"
     );
     rig.handle(Event::Message(message("vfd/plant/probe", &before.payload)));
@@ -497,9 +817,16 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
         rig.millis += 5_000;
         let late = probe(&rig.acts_without_echo());
         rig.millis += 200;
-        assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1, "{version:?}: not late yet");
+        assert_eq!(
+            commands(&run_without_echo(&mut rig)).len(),
+            1,
+            "{version:?}: not late yet"
+        );
         rig.millis += 600;
-        let young = format!(r#"{{"frequency_hz":40,"issued_at":{}}}"#, rig.at().wall.unix_ms);
+        let young = format!(
+            r#"{{"frequency_hz":40,"issued_at":{}}}"#,
+            rig.at().wall.unix_ms
+        );
         for (rest, payload) in [
             ("run/set", "forward"),
             ("command", r#"{"id":"a","run":"forward","epoch":7}"#),
@@ -507,20 +834,43 @@ fn while_the_probe_is_overdue_everything_but_a_stop_is_stale_until_a_later_one_i
             ("command", &young),
             ("trip/reset", "reset"),
         ] {
-            rig.handle(Event::Message(message(&format!("vfd/plant/drive/pump/{rest}"), payload.as_bytes())));
+            rig.handle(Event::Message(message(
+                &format!("vfd/plant/drive/pump/{rest}"),
+                payload.as_bytes(),
+            )));
             let acts = rig.acts_without_echo();
-            assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("stale")), "{version:?}: {payload}");
+            assert_eq!(
+                (commands(&acts).len(), result(&acts)),
+                (0, refused("stale")),
+                "{version:?}: {payload}"
+            );
         }
-        let told = results(&run_without_echo(&mut rig))[0]["message"].as_str().unwrap_or_default().to_owned();
-        assert!(told.contains("the gateway's probe through the broker is late"), "{told}");
-        rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+        let told = results(&run_without_echo(&mut rig))[0]["message"]
+            .as_str()
+            .unwrap_or_default()
+            .to_owned();
+        assert!(
+            told.contains("the gateway's probe through the broker is late"),
+            "{told}"
+        );
+        rig.handle(Event::Message(message(
+            "vfd/plant/drive/pump/run/set",
+            b"stop",
+        )));
         assert_eq!(orders(&rig.acts_without_echo()), [&STOP], "{version:?}");
         // The late one proves nothing about what was delayed with it, but the next one is sent at once.
         rig.handle(Event::Message(message("vfd/plant/probe", &late.payload)));
         let acts = run_without_echo(&mut rig);
         assert_eq!(result(&acts), refused("stale"), "{version:?}: still");
-        rig.handle(Event::Message(message("vfd/plant/probe", &probe(&acts).payload)));
-        assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1, "{version:?}: it is back");
+        rig.handle(Event::Message(message(
+            "vfd/plant/probe",
+            &probe(&acts).payload,
+        )));
+        assert_eq!(
+            commands(&run_without_echo(&mut rig)).len(),
+            1,
+            "{version:?}: it is back"
+        );
     }
 }
 
@@ -531,11 +881,23 @@ fn a_new_connection_is_no_way_for_commands_before_its_first_probe_is_back() {
     rig.handle(Event::Lost);
     rig.handle(Event::Connected(rig.broker));
     let acts = rig.acts_without_echo();
-    let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
-    rig.handle(Event::Subscribed(vec![true; filters.expect("a subscription")]));
+    let filters = acts.iter().find_map(|act| {
+        if let Act::Subscribe(it) = act {
+            Some(it.len())
+        } else {
+            None
+        }
+    });
+    rig.handle(Event::Subscribed(vec![
+        true;
+        filters.expect("a subscription")
+    ]));
     let first = probe(&rig.acts_without_echo());
     assert_eq!(result(&run_without_echo(&mut rig)), refused("stale"));
-    rig.handle(Event::Message(message("vfd/plant/drive/pump/run/set", b"stop")));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/pump/run/set",
+        b"stop",
+    )));
     assert_eq!(orders(&rig.acts_without_echo()), [&STOP]);
     rig.handle(Event::Message(message("vfd/plant/probe", &first.payload)));
     assert_eq!(commands(&run_without_echo(&mut rig)).len(), 1);
@@ -550,18 +912,35 @@ fn responses_go_where_they_are_allowed_and_nowhere_else() {
     };
     let mut rig = Rig::born(Version::V5);
     let acts = rig.deliver(&ask("vfd/answers/me", Some(b"c1")));
-    let response = publications(&acts).into_iter().find(|it| it.topic == "vfd/answers/me").expect("a response");
+    let response = publications(&acts)
+        .into_iter()
+        .find(|it| it.topic == "vfd/answers/me")
+        .expect("a response");
     assert_eq!(response.correlation.as_deref(), Some(&b"c1"[..]));
-    assert_eq!(Some(String::from_utf8_lossy(&response.payload).into_owned()), on(&acts, "drive/pump/result"));
+    assert_eq!(
+        Some(String::from_utf8_lossy(&response.payload).into_owned()),
+        on(&acts, "drive/pump/result")
+    );
 
-    for topic in ["vfd/plant/drive/fan/run/set", "vfd/other/drive/fan/run/set", "elsewhere", "vfd/answers/#"] {
+    for topic in [
+        "vfd/plant/drive/fan/run/set",
+        "vfd/other/drive/fan/run/set",
+        "elsewhere",
+        "vfd/answers/#",
+    ] {
         assert_eq!(told(&rig.deliver(&ask(topic, None))).len(), 1, "{topic}");
     }
-    assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", Some(&[0; 1_025])))).len(), 1);
+    assert_eq!(
+        told(&rig.deliver(&ask("vfd/answers/me", Some(&[0; 1_025])))).len(),
+        1
+    );
     assert_eq!(rig.session.counters().responses_ignored, 5);
     let mut rig = Rig::born(Version::V4);
     assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
-    let mut rig = Rig::with(Settings { response_prefix: None, ..settings(Version::V5) });
+    let mut rig = Rig::with(Settings {
+        response_prefix: None,
+        ..settings(Version::V5)
+    });
     rig.connect();
     assert_eq!(told(&rig.deliver(&ask("vfd/answers/me", None))).len(), 1);
 }
@@ -571,20 +950,45 @@ fn the_65th_command_is_refused_and_a_stop_is_not() {
     let mut rig = Rig::born(Version::V5);
     let first_setpoint = commands(&rig.send("drive/pump/frequency/set", b"10"))[0].ticket;
     for _ in 1..64 {
-        assert_eq!(commands(&rig.send("drive/pump/frequency/set", b"10")).len(), 1);
+        assert_eq!(
+            commands(&rig.send("drive/pump/frequency/set", b"10")).len(),
+            1
+        );
     }
-    assert_eq!(result(&rig.send("drive/pump/frequency/set", b"10")), refused("queue_full"));
-    assert_eq!(reads(&rig.send("drive/pump/param/F007/get", b"")).len(), 1, "reads have bounds of their own");
+    assert_eq!(
+        result(&rig.send("drive/pump/frequency/set", b"10")),
+        refused("queue_full")
+    );
+    assert_eq!(
+        reads(&rig.send("drive/pump/param/F007/get", b"")).len(),
+        1,
+        "reads have bounds of their own"
+    );
     let stop = |rig: &mut Rig| rig.send("drive/pump/run/set", b"stop");
     let first = commands(&stop(&mut rig))[0].ticket;
     (0..3).for_each(|_| assert_eq!(results(&stop(&mut rig)), [Value::Null; 0]));
     let acts = stop(&mut rig);
     assert_eq!(commands(&acts).len(), 1);
-    assert_eq!(result(&acts), ("superseded".to_owned(), "newer".to_owned()), "the oldest gives way");
-    assert_eq!(rig.answer(first, Outcome::Confirmed, Reason::None, true), []);
-    assert_eq!(commands(&rig.send("drive/fan/run/set", b"stop")).len(), 1, "room for each drive");
+    assert_eq!(
+        result(&acts),
+        ("superseded".to_owned(), "newer".to_owned()),
+        "the oldest gives way"
+    );
+    assert_eq!(
+        rig.answer(first, Outcome::Confirmed, Reason::None, true),
+        []
+    );
+    assert_eq!(
+        commands(&rig.send("drive/fan/run/set", b"stop")).len(),
+        1,
+        "room for each drive"
+    );
     rig.answer(first_setpoint, Outcome::Confirmed, Reason::None, true);
-    assert_eq!(commands(&rig.send("drive/pump/frequency/set", b"10")).len(), 1, "room again");
+    assert_eq!(
+        commands(&rig.send("drive/pump/frequency/set", b"10")).len(),
+        1,
+        "room again"
+    );
 }
 
 #[test]
@@ -605,8 +1009,14 @@ fn a_stop_overtakes_and_cuts_what_still_waits_here() {
     while let Some(act) = rig.session.next_inward() {
         inward.push(act);
     }
-    assert_eq!(orders(&inward), [&Order::Coast, &STOP, &run_fan, &Order::Renew]);
-    assert_eq!(result(&rig.acts()), ("superseded".to_owned(), "stopped".to_owned()));
+    assert_eq!(
+        orders(&inward),
+        [&Order::Coast, &STOP, &run_fan, &Order::Renew]
+    );
+    assert_eq!(
+        result(&rig.acts()),
+        ("superseded".to_owned(), "stopped".to_owned())
+    );
     rig.deliver(&run);
 }
 
@@ -618,26 +1028,49 @@ fn a_refused_command_is_not_executed_when_the_same_message_comes_again() {
     rig.session.refused_by_line(rig.at(), ticket);
     assert_eq!(result(&rig.acts()), refused("queue_full"));
     let acts = rig.send("drive/pump/command", command);
-    assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("queue_full")), "that was its final result");
+    assert_eq!(
+        (commands(&acts).len(), result(&acts)),
+        (0, refused("queue_full")),
+        "that was its final result"
+    );
 
     let waited = br#"{"id":"b","run":"forward"}"#;
     rig.handle(Event::Stalled(Duration::from_secs(3)));
-    rig.handle(Event::Message(message("vfd/plant/drive/pump/command", waited)));
+    rig.handle(Event::Message(message(
+        "vfd/plant/drive/pump/command",
+        waited,
+    )));
     let acts = rig.acts_without_echo();
     assert_eq!(result(&acts), refused("stale"));
-    rig.handle(Event::Message(message("vfd/plant/probe", &probe(&acts).payload)));
+    rig.handle(Event::Message(message(
+        "vfd/plant/probe",
+        &probe(&acts).payload,
+    )));
     let acts = rig.send("drive/pump/command", waited);
-    assert_eq!((commands(&acts).len(), result(&acts)), (0, refused("stale")), "nor does a proven way make it young");
-    assert_eq!(commands(&rig.send("drive/pump/command", br#"{"id":"c","run":"forward"}"#)).len(), 1);
+    assert_eq!(
+        (commands(&acts).len(), result(&acts)),
+        (0, refused("stale")),
+        "nor does a proven way make it young"
+    );
+    assert_eq!(
+        commands(&rig.send("drive/pump/command", br#"{"id":"c","run":"forward"}"#)).len(),
+        1
+    );
 }
 
 #[test]
 fn renewals_are_quiet_unless_refused() {
     let mut rig = Rig::born(Version::V5);
     let ticket = commands(&rig.send("drive/pump/lease", b""))[0].ticket;
-    assert_eq!(rig.answer(ticket, Outcome::Confirmed, Reason::None, true), []);
+    assert_eq!(
+        rig.answer(ticket, Outcome::Confirmed, Reason::None, true),
+        []
+    );
     let ticket = commands(&rig.send("drive/pump/lease", b""))[0].ticket;
-    assert_eq!(result(&rig.answer(ticket, Outcome::Refused, Reason::OtherOwner, true)), refused("other_owner"));
+    assert_eq!(
+        result(&rig.answer(ticket, Outcome::Refused, Reason::OtherOwner, true)),
+        refused("other_owner")
+    );
 }
 
 #[test]
@@ -646,16 +1079,50 @@ fn a_read_asks_for_one_word_and_tells_why_it_failed() {
     for (outcome, expected) in [
         (NativeOutcome::NoReply, ("failed", "no_reply")),
         (NativeOutcome::Expired, ("expired", "too_late")),
-        (NativeOutcome::DriveException { code: 2, reason: Reason::DriveException }, ("failed", "drive_exception")),
-        (NativeOutcome::DriveException { code: 2, reason: Reason::DriveLocked }, ("failed", "drive_locked")),
-        (NativeOutcome::Refused(Refusal::LineDown), ("refused", "line_down")),
-        (NativeOutcome::Words(Vec::new().into()), ("failed", "no_reply")),
+        (
+            NativeOutcome::DriveException {
+                code: 2,
+                reason: Reason::DriveException,
+            },
+            ("failed", "drive_exception"),
+        ),
+        (
+            NativeOutcome::DriveException {
+                code: 2,
+                reason: Reason::DriveLocked,
+            },
+            ("failed", "drive_locked"),
+        ),
+        (
+            NativeOutcome::Refused(Refusal::LineDown),
+            ("refused", "line_down"),
+        ),
+        (
+            NativeOutcome::Words(Vec::new().into()),
+            ("failed", "no_reply"),
+        ),
     ] {
         let acts = rig.send("drive/pump/param/F007/get", b"");
         let request = reads(&acts)[0];
-        assert_eq!(request.ask, NativeAsk::Read { address: 0x020C_u16.into(), count: 1 });
-        let answer = NativeAnswer { asker: AskerId::MQTT, ticket: request.ticket, outcome };
-        rig.session.native_answer(rig.at(), &NativeAnswer { asker: AskerId(5), ..answer.clone() });
+        assert_eq!(
+            request.ask,
+            NativeAsk::Read {
+                address: 0x020C_u16.into(),
+                count: 1
+            }
+        );
+        let answer = NativeAnswer {
+            asker: AskerId::MQTT,
+            ticket: request.ticket,
+            outcome,
+        };
+        rig.session.native_answer(
+            rig.at(),
+            &NativeAnswer {
+                asker: AskerId(5),
+                ..answer.clone()
+            },
+        );
         rig.session.native_answer(rig.at(), &answer);
         let (outcome, reason) = result(&rig.acts());
         assert_eq!((outcome.as_str(), reason.as_str()), expected);
@@ -669,10 +1136,17 @@ fn what_is_never_answered_is_given_up_and_said_to_be_unknown() {
     rig.handle(Event::Lost);
     let acts = rig.connect();
     assert_eq!(results(&acts), [Value::Null; 0], "it is still waited for");
-    assert_eq!(result(&rig.pass(61_000)), ("unknown".to_owned(), "no_reply".to_owned()));
+    assert_eq!(
+        result(&rig.pass(61_000)),
+        ("unknown".to_owned(), "no_reply".to_owned())
+    );
     assert_eq!(rig.session.counters().unanswered, 1);
     rig.send("drive/pump/run/set", b"stop");
-    assert_eq!(results(&rig.pass(600_000)), [Value::Null; 0], "a stop may stay pending for long");
+    assert_eq!(
+        results(&rig.pass(600_000)),
+        [Value::Null; 0],
+        "a stop may stay pending for long"
+    );
 }
 
 #[test]
@@ -688,25 +1162,46 @@ fn what_nobody_fetches_stays_bounded() {
         rig.session.tick(rig.at());
     }
     let inward: Vec<_> = std::iter::from_fn(|| rig.session.next_inward()).collect();
-    assert!(inward.iter().all(|act| matches!(act, Act::Keep(..))), "all are given up");
+    assert!(
+        inward.iter().all(|act| matches!(act, Act::Keep(..))),
+        "all are given up"
+    );
     assert_eq!(inward.len(), crate::north::broker::ATTEMPTS_MAX);
     assert!(rig.session.counters().attempts_lost > 0);
-    assert!(publications(&rig.connect()).iter().filter(|it| it.topic.ends_with("/result")).count() <= 64);
+    assert!(
+        publications(&rig.connect())
+            .iter()
+            .filter(|it| it.topic.ends_with("/result"))
+            .count()
+            <= 64
+    );
     assert!(rig.session.counters().results_dropped > 0);
 }
 
 fn any_topic() -> impl Strategy<Value = String> {
-    let words =
-        ["vfd", "plant", "drive", "pump", "fan", "run", "set", "param", "F007", "get", "command", "all", "probe", ""];
+    let words = [
+        "vfd", "plant", "drive", "pump", "fan", "run", "set", "param", "F007", "get", "command",
+        "all", "probe", "",
+    ];
     let levels = prop::collection::vec(prop::sample::select(words.to_vec()), 0..7);
-    let ours = prop::sample::select(INPUTS.to_vec()).prop_map(|(input, _)| format!("vfd/plant/{input}"));
+    let ours =
+        prop::sample::select(INPUTS.to_vec()).prop_map(|(input, _)| format!("vfd/plant/{input}"));
     prop_oneof![levels.prop_map(|levels| levels.join("/")), ours, ".{0,20}"]
 }
 
 fn any_payload() -> impl Strategy<Value = Vec<u8>> {
     let known = INPUTS.map(|(_, payload)| payload.to_vec()).to_vec();
     let json = (
-        prop::sample::select(vec!["run", "frequency_hz", "reset", "param", "id", "ttl_ms", "issued_at", "epoch"]),
+        prop::sample::select(vec![
+            "run",
+            "frequency_hz",
+            "reset",
+            "param",
+            "id",
+            "ttl_ms",
+            "issued_at",
+            "epoch",
+        ]),
         any::<i64>(),
     )
         .prop_map(|(key, number)| format!("{{\"{key}\":{number}}}").into_bytes());

@@ -13,7 +13,8 @@ use std::time::Duration;
 
 /// How long a read may take, including a line that is busy with a silent drive.
 const READ_WITHIN: Duration = Duration::from_secs(5);
-const RETAINED_STOP: &str = "executed, but published with the retain flag: it would be refused as a replay later";
+const RETAINED_STOP: &str =
+    "executed, but published with the retain flag: it would be refused as a replay later";
 
 /// Who sent the request, where the answer is sent, and under which id.
 pub(super) struct Asker {
@@ -33,7 +34,14 @@ pub(super) struct Context {
 
 impl Session {
     /// Hands an order to its drive.
-    pub(super) fn give(&mut self, at: Moment, drive: usize, asker: Asker, wish: InputCommand, message: &Message<'_>) {
+    pub(super) fn give(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: Asker,
+        wish: InputCommand,
+        message: &Message<'_>,
+    ) {
         let is_a_stop = wish.order.is_stop();
         if is_a_stop {
             while let Some((pending, report)) = self.commands.give_way_to_stop(drive) {
@@ -46,13 +54,23 @@ impl Session {
             self.seen[drive].look(at.mono, by_id, &wish.order, wish.epoch) == IdState::New
         };
         if wish.id.is_some() && is_new_id() {
-            self.seen[drive].add(at.mono, (asker.by, asker.id.clone()), wish.order.clone(), wish.epoch, ticket);
+            self.seen[drive].add(
+                at.mono,
+                (asker.by, asker.id.clone()),
+                wish.order.clone(),
+                wish.epoch,
+                ticket,
+            );
         }
         let is_retained_stop = is_a_stop && message.retain;
         self.counters.retained_stops += u64::from(is_retained_stop);
         self.counters.commands += 1;
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
-        let remark = if is_retained_stop { Some(RETAINED_STOP.to_owned()) } else { wish.remark };
+        let remark = if is_retained_stop {
+            Some(RETAINED_STOP.to_owned())
+        } else {
+            wish.remark
+        };
         let command = NewCommand {
             ticket,
             drive,
@@ -61,25 +79,50 @@ impl Session {
             start_before: at.mono + message.expiry.map_or(ttl, |expiry| expiry.min(ttl)),
             issued: wish.issued,
             epoch: wish.epoch,
-            context: Context { id: asker.id, reply: asker.reply, remark },
+            context: Context {
+                id: asker.id,
+                reply: asker.reply,
+                remark,
+            },
         };
         self.commands.give(&self.drives[drive], command);
     }
 
-    pub(super) fn read(&mut self, at: Moment, drive: usize, asker: Asker, register: usize, message: &Message<'_>) {
+    pub(super) fn read(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: Asker,
+        register: usize,
+        message: &Message<'_>,
+    ) {
         if !self.commands.has_room_for_read() {
             return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::QueueFull), None);
         }
         let description = &self.drives[drive];
-        let Some(address) = description.model.registers.get(register).map(|it| it.address) else { return };
+        let Some(address) = description
+            .model
+            .registers
+            .get(register)
+            .map(|it| it.address)
+        else {
+            return;
+        };
         let read = NewRead {
             ticket: self.commands.next_ticket(),
             drive,
             by: asker.by,
             register,
             address,
-            deadline: at.mono + message.expiry.map_or(READ_WITHIN, |expiry| expiry.min(READ_WITHIN)),
-            context: Context { id: asker.id, reply: asker.reply, remark: None },
+            deadline: at.mono
+                + message
+                    .expiry
+                    .map_or(READ_WITHIN, |expiry| expiry.min(READ_WITHIN)),
+            context: Context {
+                id: asker.id,
+                reply: asker.reply,
+                remark: None,
+            },
         };
         self.commands.read(description, read);
     }

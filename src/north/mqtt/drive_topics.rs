@@ -37,7 +37,9 @@ pub(super) struct DriveTopics {
 
 impl DriveTopics {
     pub(super) fn new(settings: &Settings, topics: &Topics, drive: &DriveDescription) -> Self {
-        let slot = |(kind, rest): (Kind, String)| (kind, Slot::new(topics.drive(drive.name.as_str(), &rest)));
+        let slot = |(kind, rest): (Kind, String)| {
+            (kind, Slot::new(topics.drive(drive.name.as_str(), &rest)))
+        };
         Self {
             slots: kinds(drive).into_iter().map(slot).collect(),
             state: StateSlot::new(topics.drive(drive.name.as_str(), "state")),
@@ -53,16 +55,23 @@ impl DriveTopics {
 
     /// All its topics that are published.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
-        self.all_topics().filter(|(tree, _)| self.publishes(*tree)).map(|(_, topic)| topic)
+        self.all_topics()
+            .filter(|(tree, _)| self.publishes(*tree))
+            .map(|(_, topic)| topic)
     }
 
     /// Those that are not.
     pub(super) fn left_out(&self) -> impl Iterator<Item = &str> {
-        self.all_topics().filter(|(tree, _)| !self.publishes(*tree)).map(|(_, topic)| topic)
+        self.all_topics()
+            .filter(|(tree, _)| !self.publishes(*tree))
+            .map(|(_, topic)| topic)
     }
 
     fn all_topics(&self) -> impl Iterator<Item = (Option<Tree>, &str)> {
-        let slots = self.slots.iter().map(|(kind, slot)| (kind.tree(), slot.topic()));
+        let slots = self
+            .slots
+            .iter()
+            .map(|(kind, slot)| (kind.tree(), slot.topic()));
         slots.chain([(Some(Tree::State), self.state.topic())])
     }
 
@@ -90,7 +99,10 @@ impl DriveTopics {
             return;
         }
         self.params.insert(register, reading);
-        let known = self.slots.iter_mut().find(|(kind, _)| *kind == Kind::Param(register));
+        let known = self
+            .slots
+            .iter_mut()
+            .find(|(kind, _)| *kind == Kind::Param(register));
         match known {
             Some((_, slot)) => slot.forget(),
             None => self.slots.push((Kind::Param(register), Slot::new(topic))),
@@ -105,7 +117,11 @@ impl DriveTopics {
         drive: &DriveDescription,
         view: &Arc<DriveView>,
     ) -> Option<Publication> {
-        if self.walked.as_ref().is_some_and(|(walked, until)| Arc::ptr_eq(walked, view) && now.at < *until) {
+        if self
+            .walked
+            .as_ref()
+            .is_some_and(|(walked, until)| Arc::ptr_eq(walked, view) && now.at < *until)
+        {
             return None;
         }
         self.walked = None;
@@ -123,11 +139,18 @@ impl DriveTopics {
             }
         }
         let until = self.until(now, drive, view);
-        let is_of_this_picture = self.walking.take().is_some_and(|walking| Arc::ptr_eq(&walking, view));
+        let is_of_this_picture = self
+            .walking
+            .take()
+            .is_some_and(|walking| Arc::ptr_eq(&walking, view));
         self.walked = is_of_this_picture.then(|| (view.clone(), until));
         self.cursor = 0;
         // What was walked before the view changed is walked once more.
-        if is_of_this_picture { None } else { self.next(now, drive, view) }
+        if is_of_this_picture {
+            None
+        } else {
+            self.next(now, drive, view)
+        }
     }
 
     fn offer(
@@ -149,8 +172,15 @@ impl DriveTopics {
         let differ = |old, new| points.differ_on(kind, drive, old, new);
         let content = slot.offer(&now, content, differ)?;
         // Most walks publish nothing, so the text is written only here.
-        let payload = points.shown(kind, content, drive).unwrap_or_default().into_bytes();
-        let qos = if kind == Kind::Availability { Qos::AtLeastOnce } else { Qos::AtMostOnce };
+        let payload = points
+            .shown(kind, content, drive)
+            .unwrap_or_default()
+            .into_bytes();
+        let qos = if kind == Kind::Availability {
+            Qos::AtLeastOnce
+        } else {
+            Qos::AtMostOnce
+        };
         Some(slot.publication(&now, payload, qos))
     }
 
@@ -163,54 +193,132 @@ impl DriveTopics {
         drive: &DriveDescription,
         view: &Arc<DriveView>,
     ) -> Vec<Change> {
-        if self.recorded.as_ref().is_some_and(|recorded| Arc::ptr_eq(recorded, view)) {
+        if self
+            .recorded
+            .as_ref()
+            .is_some_and(|recorded| Arc::ptr_eq(recorded, view))
+        {
             return Vec::new();
         }
         self.recorded = Some(view.clone());
-        let kinds: Vec<_> = self.slots.iter().map(|(kind, _)| *kind).filter(|kind| kind.is_recorded()).collect();
-        let contents: Vec<_> = kinds.into_iter().map(|kind| (kind, self.content(kind, now, drive, view))).collect();
+        let kinds: Vec<_> = self
+            .slots
+            .iter()
+            .map(|(kind, _)| *kind)
+            .filter(|kind| kind.is_recorded())
+            .collect();
+        let contents: Vec<_> = kinds
+            .into_iter()
+            .map(|kind| (kind, self.content(kind, now, drive, view)))
+            .collect();
         let mut changes = Vec::new();
         for (kind, content) in contents {
-            let (Some(content), Some((_, slot))) = (content, self.slots.iter_mut().find(|(it, _)| *it == kind)) else {
+            let (Some(content), Some((_, slot))) =
+                (content, self.slots.iter_mut().find(|(it, _)| *it == kind))
+            else {
                 continue;
             };
-            if !slot.tell(&content, |old, new| self.points.differ_on(kind, drive, old, new)) {
+            if !slot.tell(&content, |old, new| {
+                self.points.differ_on(kind, drive, old, new)
+            }) {
                 continue;
             }
-            let register = kind.register().and_then(|register| drive.model.registers.get(register));
-            let at = register.and_then(|it| view.snapshot.read_at(it)).unwrap_or(now.at);
+            let register = kind
+                .register()
+                .and_then(|register| drive.model.registers.get(register));
+            let at = register
+                .and_then(|it| view.snapshot.read_at(it))
+                .unwrap_or(now.at);
             let topic = below_drive(slot.topic(), drive).to_owned();
             let text = self.points.shown(kind, &content, drive).unwrap_or_default();
-            let value = text.parse::<f64>().map_or_else(|_| json!(text), |number| json!(number));
-            let unit = register.filter(|_| matches!(kind, Kind::Polled(_))).map(|it| it.unit.symbol());
-            changes.push(Change { drive: place, topic, at, value, unit });
+            let value = text
+                .parse::<f64>()
+                .map_or_else(|_| json!(text), |number| json!(number));
+            let unit = register
+                .filter(|_| matches!(kind, Kind::Polled(_)))
+                .map(|it| it.unit.symbol());
+            changes.push(Change {
+                drive: place,
+                topic,
+                at,
+                value,
+                unit,
+            });
         }
         changes.sort_by_key(|change| change.at);
         changes
     }
 
     /// The content of a topic; `None` if it is to be left as it is.
-    fn content(&self, kind: Kind, now: &Present, drive: &DriveDescription, view: &DriveView) -> Option<Content> {
+    fn content(
+        &self,
+        kind: Kind,
+        now: &Present,
+        drive: &DriveDescription,
+        view: &DriveView,
+    ) -> Option<Content> {
         let trip = || Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
-        let text = |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
-        let word = |reading: Option<ValueReading>| reading.map_or(Content::Cleared, |it| Content::Value(it.value));
+        let text =
+            |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
+        let word = |reading: Option<ValueReading>| {
+            reading.map_or(Content::Cleared, |it| Content::Value(it.value))
+        };
         Some(match kind {
-            Kind::Availability => Content::Text(if view.is_online() { "online" } else { "offline" }.into()),
+            Kind::Availability => Content::Text(
+                if view.is_online() {
+                    "online"
+                } else {
+                    "offline"
+                }
+                .into(),
+            ),
             Kind::RunState => Content::Text(answered_run_state(view).word().into()),
-            Kind::Polled(register) | Kind::Rated(register) => {
-                word(drive.model.registers.get(register).and_then(|it| fresh(drive, it, view, now.at)))
-            }
-            Kind::Setpoint => text(view.control.as_ref().and_then(|it| it.setpoint).map(|hertz| hertz.to_string())),
-            Kind::Owner => text(view.control.as_ref().and_then(|it| it.lease).map(|(owner, _)| owner.to_string())),
-            Kind::TripActive => text(trip().and_then(|it| it.active).map(|active| active.to_string())),
-            Kind::TripCount => text(view.trip_kept.count.filter(|_| trip().is_some()).map(|count| count.to_string())),
-            Kind::TripCode => text(code(view).filter(|_| trip().is_some()).map(|code| code.to_string())),
+            Kind::Polled(register) | Kind::Rated(register) => word(
+                drive
+                    .model
+                    .registers
+                    .get(register)
+                    .and_then(|it| fresh(drive, it, view, now.at)),
+            ),
+            Kind::Setpoint => text(
+                view.control
+                    .as_ref()
+                    .and_then(|it| it.setpoint)
+                    .map(|hertz| hertz.to_string()),
+            ),
+            Kind::Owner => text(
+                view.control
+                    .as_ref()
+                    .and_then(|it| it.lease)
+                    .map(|(owner, _)| owner.to_string()),
+            ),
+            Kind::TripActive => text(
+                trip()
+                    .and_then(|it| it.active)
+                    .map(|active| active.to_string()),
+            ),
+            Kind::TripCount => text(
+                view.trip_kept
+                    .count
+                    .filter(|_| trip().is_some())
+                    .map(|count| count.to_string()),
+            ),
+            Kind::TripCode => text(
+                code(view)
+                    .filter(|_| trip().is_some())
+                    .map(|code| code.to_string()),
+            ),
             Kind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
-            Kind::WarningActive => text(warning(drive, view, now.at).map(|word| (word != 0).to_string())),
-            Kind::WarningCode => {
-                text(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word).to_string()))
+            Kind::WarningActive => {
+                text(warning(drive, view, now.at).map(|word| (word != 0).to_string()))
             }
-            Kind::WarningText => text(warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word))),
+            Kind::WarningCode => text(
+                warning(drive, view, now.at)
+                    .map(|word| warnings::code(&drive.model, word).to_string()),
+            ),
+            Kind::WarningText => text(
+                warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word)),
+            ),
             // Without a record of our own, the earlier content of the topic is still true.
             Kind::TripLast => {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
@@ -227,12 +335,23 @@ impl DriveTopics {
     /// Until when nothing is due while the view stays the same.
     fn until(&self, now: &Present, drive: &DriveDescription, view: &DriveView) -> MonoTime {
         let heartbeat = |kind| now.beating(self.points.heartbeat(kind)).heartbeat;
-        let heartbeats = self.slots.iter().map(|(kind, slot)| slot.due(heartbeat(*kind)));
-        let ends = self.slots.iter().filter_map(|(kind, slot)| self.ends_at(*kind, slot, now, drive, view));
+        let heartbeats = self
+            .slots
+            .iter()
+            .map(|(kind, slot)| slot.due(heartbeat(*kind)));
+        let ends = self
+            .slots
+            .iter()
+            .filter_map(|(kind, slot)| self.ends_at(*kind, slot, now, drive, view));
         // The state shows staleness of every polled register, including those without a topic of their own.
         let polled = drive.model.registers.iter().filter(|it| it.poll.is_some());
-        let stale = polled.filter_map(|it| stale_at(drive, it, view)).filter(|stale_at| *stale_at > now.at);
-        let all = heartbeats.chain(ends).chain(stale).chain([self.state.due(now.heartbeat)]);
+        let stale = polled
+            .filter_map(|it| stale_at(drive, it, view))
+            .filter(|stale_at| *stale_at > now.at);
+        let all = heartbeats
+            .chain(ends)
+            .chain(stale)
+            .chain([self.state.due(now.heartbeat)]);
         all.min().unwrap_or(MonoTime::NEVER)
     }
 
@@ -249,9 +368,15 @@ impl DriveTopics {
         let register = match kind {
             Kind::Polled(register) | Kind::Rated(register) => drive.model.registers.get(register),
             Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount => trips,
-            Kind::WarningActive | Kind::WarningCode | Kind::WarningText => drive.model.warning_register(),
+            Kind::WarningActive | Kind::WarningCode | Kind::WarningText => {
+                drive.model.warning_register()
+            }
             Kind::Param(register) => {
-                return self.params.get(&register).filter(|_| slot.is_filled()).map(|it| param_stale_at(now, it));
+                return self
+                    .params
+                    .get(&register)
+                    .filter(|_| slot.is_filled())
+                    .map(|it| param_stale_at(now, it));
             }
             _ => None,
         };
@@ -271,18 +396,30 @@ fn param_stale_at(now: &Present, reading: &ValueReading) -> MonoTime {
 
 /// Whether what is known of trips is as recent as the register that shows them has to be. One that is not polled is
 /// read in another way.
-pub(in crate::north) fn trips_are_fresh(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> bool {
+pub(in crate::north) fn trips_are_fresh(
+    drive: &DriveDescription,
+    view: &DriveView,
+    at: MonoTime,
+) -> bool {
     let polled = drive.model.trip_register().filter(|it| it.poll.is_some());
     polled.is_none_or(|register| fresh(drive, register, view, at).is_some())
 }
 
 /// The number of the cause of the active trip, 0 if none is active; `None` if that is not known.
 pub(in crate::north) fn code(view: &DriveView) -> Option<u16> {
-    if view.trip.active? { view.trip.last.as_ref()?.code } else { Some(0) }
+    if view.trip.active? {
+        view.trip.last.as_ref()?.code
+    } else {
+        Some(0)
+    }
 }
 
 /// The levels of `topic` below those of `drive`.
 fn below_drive<'t>(topic: &'t str, drive: &DriveDescription) -> &'t str {
-    let place = topic.find(&format!("/drive/{}/", drive.name)).map(|start| start + "/drive/".len());
-    place.and_then(|start| topic.get(start + drive.name.as_str().len() + 1..)).unwrap_or(topic)
+    let place = topic
+        .find(&format!("/drive/{}/", drive.name))
+        .map(|start| start + "/drive/".len());
+    place
+        .and_then(|start| topic.get(start + drive.name.as_str().len() + 1..))
+        .unwrap_or(topic)
 }

@@ -31,13 +31,23 @@ impl EventQueue {
     /// Adds an event, which gets the next sequence number. True if an older one had to be dropped for it.
     pub(super) fn add(&mut self, topic: String, body: Map<String, Value>, mark: Mark) -> bool {
         self.last_seq += 1;
-        self.entries.push(self.last_seq, Entry { topic, body, mark, lost: 0 });
+        self.entries.push(
+            self.last_seq,
+            Entry {
+                topic,
+                body,
+                mark,
+                lost: 0,
+            },
+        );
         self.entries.len() > KEPT_MAX && self.drop_oldest()
     }
 
     /// Drops the oldest that is not in flight. The one after it says so.
     fn drop_oldest(&mut self) -> bool {
-        let Some((dropped, next)) = self.entries.drop_oldest() else { return false };
+        let Some((dropped, next)) = self.entries.drop_oldest() else {
+            return false;
+        };
         if let Some(next) = next {
             next.lost += dropped.lost + 1;
         }
@@ -45,19 +55,29 @@ impl EventQueue {
     }
 
     /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
-    pub(super) fn next(&mut self, at: MonoTime, may: impl Fn(&Mark) -> bool) -> Option<(String, Vec<u8>, u64)> {
+    pub(super) fn next(
+        &mut self,
+        at: MonoTime,
+        may: impl Fn(&Mark) -> bool,
+    ) -> Option<(String, Vec<u8>, u64)> {
         let (seq, entry) = self.entries.next_of(at, |entry| may(&entry.mark))?;
         let mut body = entry.body.clone();
         body.insert("seq".to_owned(), seq.into());
         if entry.lost > 0 {
             body.insert("lost".to_owned(), entry.lost.into());
         }
-        Some((entry.topic.clone(), Value::Object(body).to_string().into_bytes(), seq))
+        Some((
+            entry.topic.clone(),
+            Value::Object(body).to_string().into_bytes(),
+            seq,
+        ))
     }
 
     /// Drops the oldest waiting event that `was_told` by another gateway. True if there was one.
     pub(super) fn drop_told(&mut self, mut was_told: impl FnMut(&Mark) -> bool) -> bool {
-        self.entries.drop_waiting(|entry| was_told(&entry.mark)).is_some()
+        self.entries
+            .drop_waiting(|entry| was_told(&entry.mark))
+            .is_some()
     }
 
     /// The broker acknowledged the event with this number.
@@ -99,7 +119,10 @@ mod tests {
     fn the_oldest_gives_way_and_the_next_one_says_so() {
         let mut events = EventQueue::default();
         (0..KEPT_MAX).for_each(|_| assert!(!add(&mut events)));
-        assert_eq!(std::iter::from_fn(|| events.next(MonoTime::ZERO, |_| true)).count(), IN_FLIGHT_MAX);
+        assert_eq!(
+            std::iter::from_fn(|| events.next(MonoTime::ZERO, |_| true)).count(),
+            IN_FLIGHT_MAX
+        );
         assert!(add(&mut events) && add(&mut events));
         assert_eq!(events.len(), KEPT_MAX);
         events.acknowledged(1);

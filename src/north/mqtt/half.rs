@@ -67,22 +67,43 @@ pub(super) struct Half {
 
 impl Half {
     pub(super) fn new(pair: Option<StandbyPair>, topics: &Topics) -> Self {
-        let topic = pair.as_ref().map(|pair| topics.standby(pair.half.as_str())).unwrap_or_default();
+        let topic = pair
+            .as_ref()
+            .map(|pair| topics.standby(pair.half.as_str()))
+            .unwrap_or_default();
         let document = Slot::new(topic);
         let others = BTreeMap::new();
         let (lines, drives, gone) = (Vec::new(), Vec::new(), Vec::new());
-        Self { pair, lines, drives, document, others, missed_at: None, gone, now: MonoTime::ZERO }
+        Self {
+            pair,
+            lines,
+            drives,
+            document,
+            others,
+            missed_at: None,
+            gone,
+            now: MonoTime::ZERO,
+        }
     }
 
     /// Has these lines from now on, and drives on `of_drives`. Lines that stay keep their role.
     pub(super) fn replace(&mut self, lines: &[Name], of_drives: impl Iterator<Item = Name>) {
         let mut before = std::mem::take(&mut self.lines);
         let line = |name: &Name| {
-            let same = before.iter().position(|it| it.name == *name).map(|place| before.swap_remove(place));
-            same.unwrap_or_else(|| Line { name: name.clone(), seen: None, active_since: None })
+            let same = before
+                .iter()
+                .position(|it| it.name == *name)
+                .map(|place| before.swap_remove(place));
+            same.unwrap_or_else(|| Line {
+                name: name.clone(),
+                seen: None,
+                active_since: None,
+            })
         };
         self.lines = lines.iter().map(line).collect();
-        self.drives = of_drives.map(|name| lines.iter().position(|it| *it == name)).collect();
+        self.drives = of_drives
+            .map(|name| lines.iter().position(|it| *it == name))
+            .collect();
     }
 
     /// Which one it is; `None` if it is the only one.
@@ -114,12 +135,21 @@ impl Half {
 
     /// Whether it speaks for each line, and for each drive.
     pub(super) fn speaks(&self) -> (Vec<bool>, Vec<bool>) {
-        let lines = (0..self.lines.len()).map(|line| self.speaks_for_line(line)).collect();
-        (lines, (0..self.drives.len()).map(|drive| self.speaks_for(drive)).collect())
+        let lines = (0..self.lines.len())
+            .map(|line| self.speaks_for_line(line))
+            .collect();
+        (
+            lines,
+            (0..self.drives.len())
+                .map(|drive| self.speaks_for(drive))
+                .collect(),
+        )
     }
 
     fn speaks_for_line(&self, line: usize) -> bool {
-        self.lines.get(line).map_or(self.pair.is_none(), |line| speaks(line, self.pair.is_some()))
+        self.lines.get(line).map_or(self.pair.is_none(), |line| {
+            speaks(line, self.pair.is_some())
+        })
     }
 
     /// Whether it speaks for the drive at this place.
@@ -132,9 +162,22 @@ impl Half {
     /// active on the line, and something is heard there: a foreign master may hold the line, and carries out no stops.
     pub(super) fn may_take(&self, drive: usize, is_a_stop: bool) -> bool {
         let stops = || {
-            let line = self.drives.get(drive).copied().flatten().and_then(|line| self.lines.get(line))?;
-            let is_quiet = line.seen.flatten().is_some_and(|report| !report.hears_other);
-            let is_active = |other: &Other| other.active_on.iter().any(|name| name == line.name.as_str());
+            let line = self
+                .drives
+                .get(drive)
+                .copied()
+                .flatten()
+                .and_then(|line| self.lines.get(line))?;
+            let is_quiet = line
+                .seen
+                .flatten()
+                .is_some_and(|report| !report.hears_other);
+            let is_active = |other: &Other| {
+                other
+                    .active_on
+                    .iter()
+                    .any(|name| name == line.name.as_str())
+            };
             Some(is_quiet || !self.others.values().any(is_active))
         };
         self.speaks_for(drive) || is_a_stop && stops() == Some(true)
@@ -142,7 +185,10 @@ impl Half {
 
     /// Whether trip events of the drive at this place may be told.
     pub(super) fn may_tell(&self, at: MonoTime, drive: usize) -> bool {
-        self.speaks_for(drive) && self.settles_at(drive).is_none_or(|settles_at| at >= settles_at)
+        self.speaks_for(drive)
+            && self
+                .settles_at(drive)
+                .is_none_or(|settles_at| at >= settles_at)
     }
 
     fn settles_at(&self, drive: usize) -> Option<MonoTime> {
@@ -159,7 +205,9 @@ impl Half {
     /// Whether it speaks for what concerns no single line: the first one by name among those that are active.
     pub(super) fn leads(&self) -> bool {
         let Some(pair) = &self.pair else { return true };
-        let is_before = |(name, other): (&String, &Other)| other.is_active() && name.as_str() < pair.half.as_str();
+        let is_before = |(name, other): (&String, &Other)| {
+            other.is_active() && name.as_str() < pair.half.as_str()
+        };
         self.speaks_at_all() && !self.others.iter().any(is_before)
     }
 
@@ -186,18 +234,30 @@ impl Half {
             }
             return false;
         }
-        if self.others.len() >= OTHERS_MAX && !self.others.contains_key(half) || Name::new(half).is_none() {
+        if self.others.len() >= OTHERS_MAX && !self.others.contains_key(half)
+            || Name::new(half).is_none()
+        {
             return false;
         }
         let other = self.others.entry(half.to_owned()).or_default();
-        let lines = document.get("lines").and_then(Value::as_array).filter(|_| is_online);
+        let lines = document
+            .get("lines")
+            .and_then(Value::as_array)
+            .filter(|_| is_online);
         let active = |line: &Value| {
             let is_active = line.get("role")?.as_str()? == LineRole::Active.word();
-            line.get("name").and_then(Value::as_str).filter(|_| is_active).map(str::to_owned)
+            line.get("name")
+                .and_then(Value::as_str)
+                .filter(|_| is_active)
+                .map(str::to_owned)
         };
         let active_on: Vec<_> = lines.into_iter().flatten().filter_map(active).collect();
         let is_less = other.active_on.iter().any(|line| !active_on.contains(line));
-        *other = Other { active_on, is_online, is_there: true };
+        *other = Other {
+            active_on,
+            is_online,
+            is_there: true,
+        };
         is_less
     }
 
@@ -213,33 +273,58 @@ impl Half {
     /// The next publication about this gateway and the others; none without others.
     pub(super) fn next(&mut self, now: &Present, topics: &Topics) -> Option<Publication> {
         self.pair.as_ref()?;
-        if self.missed_at.take_if(|missed_at| now.at >= *missed_at).is_some() {
-            let missed = |(name, it): (&String, &Other)| (it.is_online && !it.is_there).then(|| name.clone());
+        if self
+            .missed_at
+            .take_if(|missed_at| now.at >= *missed_at)
+            .is_some()
+        {
+            let missed = |(name, it): (&String, &Other)| {
+                (it.is_online && !it.is_there).then(|| name.clone())
+            };
             self.gone = self.others.iter().filter_map(missed).collect();
         }
         if let Some(half) = self.gone.pop() {
             self.others.remove(&half);
-            let payload = json!({ "half": half, "online": false, "lines": [] }).to_string().into_bytes();
-            return Some(retained(now, topics.standby(&half), payload, Qos::AtLeastOnce));
+            let payload = json!({ "half": half, "online": false, "lines": [] })
+                .to_string()
+                .into_bytes();
+            return Some(retained(
+                now,
+                topics.standby(&half),
+                payload,
+                Qos::AtLeastOnce,
+            ));
         }
         let text = self.text(true);
         let payload = text.clone().into_bytes();
-        self.document.offer(now, Content::Text(text.into()), |_, _| true)?;
+        self.document
+            .offer(now, Content::Text(text.into()), |_, _| true)?;
         Some(self.document.publication(now, payload, Qos::AtLeastOnce))
     }
 
     /// What it publishes on an orderly end; `None` without others.
     pub(super) fn farewell(&self, now: &Present) -> Option<Publication> {
         self.pair.as_ref()?;
-        Some(self.document.publication(now, self.text(false).into_bytes(), Qos::AtLeastOnce))
+        Some(
+            self.document
+                .publication(now, self.text(false).into_bytes(), Qos::AtLeastOnce),
+        )
     }
 
     fn text(&self, is_online: bool) -> String {
         let half = self.pair.as_ref().map(|pair| pair.half.as_str());
         let partner = self.pair.as_ref().map(|pair| pair.partner.as_str());
         let of_line = |line: &Line| {
-            let StandbyReport { role, take_overs, given_up, rivals, hears_other, listener, kept: _, trouble: _ } =
-                line.seen.flatten()?;
+            let StandbyReport {
+                role,
+                take_overs,
+                given_up,
+                rivals,
+                hears_other,
+                listener,
+                kept: _,
+                trouble: _,
+            } = line.seen.flatten()?;
             Some(json!({
                 "name": line.name.as_str(),
                 "role": role.word(),
@@ -250,7 +335,12 @@ impl Half {
                 "listener": listener,
             }))
         };
-        let lines: Vec<_> = self.lines.iter().filter(|_| is_online).filter_map(of_line).collect();
+        let lines: Vec<_> = self
+            .lines
+            .iter()
+            .filter(|_| is_online)
+            .filter_map(of_line)
+            .collect();
         json!({ "half": half, "partner": partner, "online": is_online, "lines": lines }).to_string()
     }
 
@@ -265,7 +355,10 @@ impl Half {
     /// When something may be due although nothing happens.
     pub(super) fn wake(&self, heartbeat: Duration) -> Option<MonoTime> {
         self.pair.as_ref()?;
-        let settles = self.lines.iter().filter_map(|line| Some(line.active_since? + SETTLES_WITHIN));
+        let settles = self
+            .lines
+            .iter()
+            .filter_map(|line| Some(line.active_since? + SETTLES_WITHIN));
         let settles = settles.filter(|settles_at| *settles_at > self.now);
         let document = Some(self.document.due(heartbeat)).filter(|due| *due != MonoTime::NEVER);
         settles.chain(document).chain(self.missed_at).min()

@@ -2,7 +2,9 @@
 
 use super::session::Session;
 use super::types::{Act, LeaseMode, Settings, Tree};
-use crate::domain::command::{CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report};
+use crate::domain::command::{
+    CommandAnswer, CommandRequest, Direction, Order, Outcome, Reason, Report,
+};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::ids::{AskerId, DriveIndex, Ticket};
 use crate::domain::native::NativeRequest;
@@ -111,7 +113,10 @@ impl Rig {
 
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
-        Self { session: Session::new(settings, drives(), vec![name("hall")], stage.at(), 7), stage }
+        Self {
+            session: Session::new(settings, drives(), vec![name("hall")], stage.at(), 7),
+            stage,
+        }
     }
 
     /// A session that is born, with `pump` polled just now; what was published for it is omitted.
@@ -143,7 +148,10 @@ impl Rig {
     pub(super) fn acts_without_echo(&mut self) -> Vec<Act> {
         self.stage.show();
         let mut all = Vec::new();
-        while let Some(act) = self.session.next_act(self.stage.at(), &self.stage.shown, &self.stage.lines) {
+        while let Some(act) =
+            self.session
+                .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
+        {
             all.push(act);
             assert!(all.len() < 10_000, "no end of acts");
         }
@@ -152,7 +160,9 @@ impl Rig {
 
     /// Delivers a message on `rest` below the gateway's topics, and returns its effects.
     pub(super) fn send(&mut self, rest: &str, payload: &[u8]) -> Vec<Act> {
-        self.deliver(&Message { ..message(&format!("vfd/plant/{rest}"), payload) })
+        self.deliver(&Message {
+            ..message(&format!("vfd/plant/{rest}"), payload)
+        })
     }
 
     pub(super) fn deliver(&mut self, message: &Message<'_>) -> Vec<Act> {
@@ -161,12 +171,24 @@ impl Rig {
     }
 
     /// The line answers.
-    pub(super) fn answer(&mut self, ticket: Ticket, outcome: Outcome, reason: Reason, is_final: bool) -> Vec<Act> {
+    pub(super) fn answer(
+        &mut self,
+        ticket: Ticket,
+        outcome: Outcome,
+        reason: Reason,
+        is_final: bool,
+    ) -> Vec<Act> {
         self.report(ticket, Report::new(outcome, reason), is_final)
     }
 
     pub(super) fn report(&mut self, ticket: Ticket, report: Report, is_final: bool) -> Vec<Act> {
-        let answer = CommandAnswer { asker: AskerId::MQTT, ticket, drive: DriveIndex(0), report, is_final };
+        let answer = CommandAnswer {
+            asker: AskerId::MQTT,
+            ticket,
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        };
         self.session.command_answer(self.stage.at(), &answer);
         self.acts()
     }
@@ -180,14 +202,26 @@ fn probe_payload(act: &Act) -> Option<Vec<u8>> {
 }
 
 pub(super) fn publications(acts: &[Act]) -> Vec<&Publication> {
-    let published = acts.iter().filter_map(|act| if let Act::Publish(it) = act { Some(it) } else { None });
-    published.filter(|it| it.topic != "vfd/plant/probe").collect()
+    let published = acts.iter().filter_map(|act| {
+        if let Act::Publish(it) = act {
+            Some(it)
+        } else {
+            None
+        }
+    });
+    published
+        .filter(|it| it.topic != "vfd/plant/probe")
+        .collect()
 }
 
 /// Topics below the gateway's with their payloads, as text.
 pub(super) fn told(acts: &[Act]) -> Vec<(String, String)> {
     let text = |it: &&Publication| {
-        let topic = it.topic.strip_prefix("vfd/plant/").unwrap_or(&it.topic).to_owned();
+        let topic = it
+            .topic
+            .strip_prefix("vfd/plant/")
+            .unwrap_or(&it.topic)
+            .to_owned();
         (topic, String::from_utf8(it.payload.clone()).expect("text"))
     };
     publications(acts).iter().map(text).collect()
@@ -195,13 +229,21 @@ pub(super) fn told(acts: &[Act]) -> Vec<(String, String)> {
 
 /// The payload on a topic; the last if there are several.
 pub(super) fn on(acts: &[Act], topic: &str) -> Option<String> {
-    told(acts).into_iter().rev().find(|(it, _)| it == topic).map(|(_, payload)| payload)
+    told(acts)
+        .into_iter()
+        .rev()
+        .find(|(it, _)| it == topic)
+        .map(|(_, payload)| payload)
 }
 
 /// What was published on a drive's or the gateway's result topic.
 pub(super) fn results(acts: &[Act]) -> Vec<Value> {
-    let results = told(acts).into_iter().filter(|(topic, _)| topic.ends_with("/result"));
-    results.map(|(_, payload)| serde_json::from_str(&payload).expect("JSON")).collect()
+    let results = told(acts)
+        .into_iter()
+        .filter(|(topic, _)| topic.ends_with("/result"));
+    results
+        .map(|(_, payload)| serde_json::from_str(&payload).expect("JSON"))
+        .collect()
 }
 
 /// The one result, as outcome and reason.
@@ -214,21 +256,44 @@ pub(super) fn result(acts: &[Act]) -> (String, String) {
 
 pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
     acts.iter()
-        .filter_map(|act| if let Act::ToLine(ToLine::Command(_, request)) = act { Some(request) } else { None })
+        .filter_map(|act| {
+            if let Act::ToLine(ToLine::Command(_, request)) = act {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
-    commands(acts).into_iter().map(|request| &request.order).collect()
+    commands(acts)
+        .into_iter()
+        .map(|request| &request.order)
+        .collect()
 }
 
 /// Attempts that no line saw.
 pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
-    acts.iter().filter_map(|act| if let Act::Keep(_, attempt) = act { Some(attempt) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| {
+            if let Act::Keep(_, attempt) = act {
+                Some(attempt)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
 pub(super) fn reads(acts: &[Act]) -> Vec<&NativeRequest> {
     acts.iter()
-        .filter_map(|act| if let Act::ToLine(ToLine::Read(_, request)) = act { Some(request) } else { None })
+        .filter_map(|act| {
+            if let Act::ToLine(ToLine::Read(_, request)) = act {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }

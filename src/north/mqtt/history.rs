@@ -42,7 +42,12 @@ pub(super) struct History {
 impl History {
     /// Keeps at most this many; 0: none.
     pub(super) fn new(most: usize) -> Self {
-        Self { most, changes: InFlight::default(), last: 0, burst: (MonoTime::ZERO, 0) }
+        Self {
+            most,
+            changes: InFlight::default(),
+            last: 0,
+            burst: (MonoTime::ZERO, 0),
+        }
     }
 
     /// Whether anything is kept at all.
@@ -75,13 +80,21 @@ impl History {
         self.burst.1 += 1;
         let drive = drives.get(change.drive)?;
         let topic = topics.drive(drive.name.as_str(), "history");
-        Some((topic, document(change, clock).to_string().into_bytes(), number))
+        Some((
+            topic,
+            document(change, clock).to_string().into_bytes(),
+            number,
+        ))
     }
 
     /// When the next one may be sent.
     pub(super) fn wake(&self) -> Option<MonoTime> {
         let (begun, gone) = self.burst;
-        let burst = if gone < BURST { begun } else { begun + BURST_EVERY };
+        let burst = if gone < BURST {
+            begun
+        } else {
+            begun + BURST_EVERY
+        };
         self.changes.wake().map(|wake| wake.max(burst))
     }
 

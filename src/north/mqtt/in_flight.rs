@@ -40,14 +40,25 @@ struct Entry<T> {
 
 impl<T> Default for InFlight<T> {
     fn default() -> Self {
-        Self { entries: VecDeque::new(), in_flight: 0, trial_from: None, is_trial: false, waits: 0 }
+        Self {
+            entries: VecDeque::new(),
+            in_flight: 0,
+            trial_from: None,
+            is_trial: false,
+            waits: 0,
+        }
     }
 }
 
 impl<T> InFlight<T> {
     /// Adds something under a number that is higher than all before it.
     pub(super) fn push(&mut self, number: u64, it: T) {
-        self.entries.push_back(Entry { number, it, is_sent: false, failures: 0 });
+        self.entries.push_back(Entry {
+            number,
+            it,
+            is_sent: false,
+            failures: 0,
+        });
     }
 
     /// The next one to be sent on this connection.
@@ -57,11 +68,16 @@ impl<T> InFlight<T> {
 
     /// The same among those that `may` be sent.
     pub(super) fn next_of(&mut self, at: MonoTime, may: impl Fn(&T) -> bool) -> Option<(u64, &T)> {
-        let may_go = self.trial_from.is_none_or(|from| at >= from && self.in_flight == 0);
+        let may_go = self
+            .trial_from
+            .is_none_or(|from| at >= from && self.in_flight == 0);
         if !may_go || self.in_flight >= IN_FLIGHT_MAX {
             return None;
         }
-        let entry = self.entries.iter_mut().find(|entry| !entry.is_sent && may(&entry.it))?;
+        let entry = self
+            .entries
+            .iter_mut()
+            .find(|entry| !entry.is_sent && may(&entry.it))?;
         entry.is_sent = true;
         self.in_flight += 1;
         self.is_trial = self.trial_from.is_some();
@@ -79,7 +95,11 @@ impl<T> InFlight<T> {
 
     /// When something that was refused and `may` be sent is sent again.
     pub(super) fn again_at_of(&self, may: impl Fn(&T) -> bool) -> Option<MonoTime> {
-        self.trial_from.and(self.wake()).filter(|_| self.entries.iter().any(|entry| !entry.is_sent && may(&entry.it)))
+        self.trial_from.and(self.wake()).filter(|_| {
+            self.entries
+                .iter()
+                .any(|entry| !entry.is_sent && may(&entry.it))
+        })
     }
 
     /// The broker acknowledged the one with this number. False if that is not in flight.
@@ -125,8 +145,14 @@ impl<T> InFlight<T> {
 
     /// The index of the one with this number, if it is in flight.
     fn place(&self, number: u64) -> Option<usize> {
-        let place = self.entries.binary_search_by_key(&number, |entry| entry.number).ok()?;
-        self.entries.get(place).is_some_and(|entry| entry.is_sent).then_some(place)
+        let place = self
+            .entries
+            .binary_search_by_key(&number, |entry| entry.number)
+            .ok()?;
+        self.entries
+            .get(place)
+            .is_some_and(|entry| entry.is_sent)
+            .then_some(place)
     }
 
     /// The connection is lost: what was in flight is sent again.
@@ -144,12 +170,18 @@ impl<T> InFlight<T> {
     pub(super) fn drop_oldest(&mut self) -> Option<(T, Option<&mut T>)> {
         let place = self.entries.iter().position(|entry| !entry.is_sent)?;
         let dropped = self.entries.remove(place)?.it;
-        Some((dropped, self.entries.get_mut(place).map(|entry| &mut entry.it)))
+        Some((
+            dropped,
+            self.entries.get_mut(place).map(|entry| &mut entry.it),
+        ))
     }
 
     /// Removes the oldest that is not in flight and that `is` one that is not to be sent any more.
     pub(super) fn drop_waiting(&mut self, mut is: impl FnMut(&T) -> bool) -> Option<u64> {
-        let place = self.entries.iter().position(|entry| !entry.is_sent && is(&entry.it))?;
+        let place = self
+            .entries
+            .iter()
+            .position(|entry| !entry.is_sent && is(&entry.it))?;
         self.entries.remove(place).map(|entry| entry.number)
     }
 
@@ -182,10 +214,16 @@ mod tests {
         assert_eq!(queue.wake(), Some(START));
         assert_eq!(sent(&mut queue, START), (1..=16).collect::<Vec<_>>());
         assert_eq!(queue.wake(), None);
-        assert_eq!([1, 3, 99, 17].map(|number| queue.acknowledged(number)), [true, true, false, false]);
+        assert_eq!(
+            [1, 3, 99, 17].map(|number| queue.acknowledged(number)),
+            [true, true, false, false]
+        );
         assert_eq!(sent(&mut queue, START), [17, 18]);
         queue.lost();
-        assert!(!queue.acknowledged(2), "an acknowledgement of the connection before counts for nothing");
+        assert!(
+            !queue.acknowledged(2),
+            "an acknowledgement of the connection before counts for nothing"
+        );
         let again: Vec<_> = [2].into_iter().chain(4..=18).collect();
         assert_eq!(sent(&mut queue, START), again);
         assert_eq!(queue.len(), 18);
@@ -198,8 +236,14 @@ mod tests {
         for number in [2, 5] {
             assert_eq!(queue.refused(START, number, Refusal::Full), None);
         }
-        (1..=16).filter(|number| ![2, 5].contains(number)).for_each(|number| assert!(queue.acknowledged(number)));
-        assert_eq!(queue.again_at_of(|()| true), Some(START + SECOND), "together they are one refusal");
+        (1..=16)
+            .filter(|number| ![2, 5].contains(number))
+            .for_each(|number| assert!(queue.acknowledged(number)));
+        assert_eq!(
+            queue.again_at_of(|()| true),
+            Some(START + SECOND),
+            "together they are one refusal"
+        );
         for wait in [2, 4, 8, 16] {
             let from = queue.again_at_of(|()| true).unwrap();
             assert_eq!(
@@ -208,7 +252,11 @@ mod tests {
                 "what was on its way tells nothing"
             );
             assert_eq!(sent(&mut queue, from), [2], "one, to try");
-            assert_eq!(queue.again_at_of(|()| true), None, "its answer is waited for");
+            assert_eq!(
+                queue.again_at_of(|()| true),
+                None,
+                "its answer is waited for"
+            );
             assert_eq!(queue.refused(from, 2, Refusal::Full), None);
             assert_eq!(queue.again_at_of(|()| true), Some(from + SECOND * wait));
         }
@@ -254,6 +302,10 @@ mod tests {
         at = queue.again_at_of(|()| true).unwrap();
         assert_eq!(sent(&mut queue, at), [1]);
         assert_eq!(queue.refused(at, 1, Refusal::Failed), Some(()));
-        assert!(at.since(START) > SECOND * 100 && at.since(START) < SECOND * 300, "{:?}", at.since(START));
+        assert!(
+            at.since(START) > SECOND * 100 && at.since(START) < SECOND * 300,
+            "{:?}",
+            at.since(START)
+        );
     }
 }

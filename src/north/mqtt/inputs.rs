@@ -18,8 +18,7 @@ use crate::north::clock::Moment;
 use crate::north::command_words::{beside_a_stop, without_mark};
 
 /// Why a command is refused while its time in transit is unknown.
-const WAY_UNPROVEN: &str =
-    "the gateway's probe through the broker is late, so the command may have waited: send it again with a new id";
+const WAY_UNPROVEN: &str = "the gateway's probe through the broker is late, so the command may have waited: send it again with a new id";
 /// The longest correlation data that is returned.
 const CORRELATION_MAX_BYTES: usize = 1_024;
 
@@ -66,16 +65,32 @@ impl Session {
         }
         let reply = self.reply_to(message);
         let asked = payload::read_all(message.payload).and_then(|()| self.live(message, true));
-        let controlled: Vec<_> = (0..self.drives.len()).filter(|drive| self.drives[*drive].control.is_some()).collect();
+        let controlled: Vec<_> = (0..self.drives.len())
+            .filter(|drive| self.drives[*drive].control.is_some())
+            .collect();
         let is_another_asked = !self.half.leads();
-        let mine: Vec<_> = controlled.iter().copied().filter(|drive| self.half.may_take(*drive, true)).collect();
+        let mine: Vec<_> = controlled
+            .iter()
+            .copied()
+            .filter(|drive| self.half.may_take(*drive, true))
+            .collect();
         let refused = match asked {
             Err(refused) => refused,
             Ok(()) if controlled.is_empty() => Refused::plain(Reason::ReadOnly),
             Ok(()) => {
                 for drive in mine {
-                    let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply: reply.clone() };
-                    self.give(at, drive, asker, InputCommand::plain(Order::Stop { setpoint: None }), message);
+                    let asker = Asker {
+                        by: Owner::Mqtt,
+                        id: self.next_id(),
+                        reply: reply.clone(),
+                    };
+                    self.give(
+                        at,
+                        drive,
+                        asker,
+                        InputCommand::plain(Order::Stop { setpoint: None }),
+                        message,
+                    );
                 }
                 return;
             }
@@ -83,19 +98,37 @@ impl Session {
         if is_another_asked {
             return;
         }
-        let refused = if message.retain { self.live(message, false).err().unwrap_or(refused) } else { refused };
-        let asker = Asker { by: Owner::Mqtt, id: self.next_id(), reply };
-        let tried =
-            (!message.payload.is_empty()).then(|| attempts::text(self.topics.below(message.topic), message.payload));
+        let refused = if message.retain {
+            self.live(message, false).err().unwrap_or(refused)
+        } else {
+            refused
+        };
+        let asker = Asker {
+            by: Owner::Mqtt,
+            id: self.next_id(),
+            reply,
+        };
+        let tried = (!message.payload.is_empty())
+            .then(|| attempts::text(self.topics.below(message.topic), message.payload));
         self.keep(None, Owner::Mqtt, tried, Report::refused(refused.reason));
-        self.refuse(at, "all", self.topics.gateway("all/result"), &asker, &refused);
+        self.refuse(
+            at,
+            "all",
+            self.topics.gateway("all/result"),
+            &asker,
+            &refused,
+        );
     }
 
     fn drive_input(&mut self, at: Moment, place: InputAddress<'_>, message: &Message<'_>) {
         if clears(message) {
             return;
         }
-        let Some(drive) = self.drives.iter().position(|drive| drive.name.as_str() == place.drive) else {
+        let Some(drive) = self
+            .drives
+            .iter()
+            .position(|drive| drive.name.as_str() == place.drive)
+        else {
             return self.unknown_drive(at, place, message);
         };
         let (id, asked) = payload::read(place.input, message.payload, &self.drives[drive].model);
@@ -108,19 +141,31 @@ impl Session {
         let by = *owner.as_ref().unwrap_or(&Owner::Mqtt);
         let (owner, asked) = match (owner, asked) {
             // A stop is carried out whatever else the message contains, in its topic too.
-            (Err(refused), Ok(InputRequest::Order(wish))) if is_a_stop => {
-                (Ok(by), Ok(InputRequest::Order(InputCommand { remark: Some(beside_a_stop(&refused)), ..wish })))
-            }
+            (Err(refused), Ok(InputRequest::Order(wish))) if is_a_stop => (
+                Ok(by),
+                Ok(InputRequest::Order(InputCommand {
+                    remark: Some(beside_a_stop(&refused)),
+                    ..wish
+                })),
+            ),
             other => other,
         };
         let live = self.live(message, is_a_stop).and(owner.map(|_| ()));
-        let taken = live.and(asked).and_then(|asked| self.once(place.input, message, asked));
+        let taken = live
+            .and(asked)
+            .and_then(|asked| self.once(place.input, message, asked));
         let reply = self.reply_to(message);
-        let asker = Asker { by, id: id.unwrap_or_else(|| self.next_id()), reply };
+        let asker = Asker {
+            by,
+            id: id.unwrap_or_else(|| self.next_id()),
+            reply,
+        };
         match taken {
             Err(refused) => self.refuse_for(at, drive, &asker, &refused, tried),
             Ok(InputRequest::Read(register)) => self.read(at, drive, asker, register, message),
-            Ok(InputRequest::Order(wish)) if is_a_stop => self.give(at, drive, asker, wish, message),
+            Ok(InputRequest::Order(wish)) if is_a_stop => {
+                self.give(at, drive, asker, wish, message)
+            }
             Ok(InputRequest::Order(wish)) => self.order(at, drive, asker, wish, message),
         }
     }
@@ -142,17 +187,29 @@ impl Session {
     /// Refuses replays. With MQTT 5 none is delivered at subscribe, so a stop with the retain flag is a live one.
     fn live(&self, message: &Message<'_>, is_a_stop: bool) -> Result<(), Refused> {
         let is_live = !message.retain || is_a_stop && self.settings.version == Version::V5;
-        if is_live { Ok(()) } else { Err(Refused::plain(Reason::Retained)) }
+        if is_live {
+            Ok(())
+        } else {
+            Err(Refused::plain(Reason::Retained))
+        }
     }
 
     /// Refuses repeats without an id by which they could be recognized.
-    fn once(&self, input: Input<'_>, message: &Message<'_>, asked: InputRequest) -> Result<InputRequest, Refused> {
+    fn once(
+        &self,
+        input: Input<'_>,
+        message: &Message<'_>,
+        asked: InputRequest,
+    ) -> Result<InputRequest, Refused> {
         let is_exempt = match &asked {
             InputRequest::Read(_) => input.only_reads(),
             InputRequest::Order(wish) => wish.id.is_some() || wish.order.is_stop(),
         };
         if message.duplicate && !is_exempt {
-            return Err(Refused::new(Reason::Duplicate, "a repeat of a message without an id, which may be old"));
+            return Err(Refused::new(
+                Reason::Duplicate,
+                "a repeat of a message without an id, which may be old",
+            ));
         }
         Ok(asked)
     }
@@ -165,7 +222,10 @@ impl Session {
         let by = owner(place).unwrap_or(Owner::Mqtt);
         let near = nearest(name, self.drives.iter().map(|drive| drive.name.as_str()));
         let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
-        let unknown = Refused::new(Reason::UnknownDrive, format!("there is no drive `{name}`{hint}"));
+        let unknown = Refused::new(
+            Reason::UnknownDrive,
+            format!("there is no drive `{name}`{hint}"),
+        );
         let refused = self.live(message, false).err().unwrap_or(unknown);
         let tried = attempts::of_text(place, self.topics.below(message.topic), message.payload);
         self.keep(None, by, tried, Report::refused(refused.reason));
@@ -174,16 +234,28 @@ impl Session {
             self.counters.ignored += 1;
             return;
         }
-        let asker = Asker { by, id: self.next_id(), reply: self.reply_to(message) };
+        let asker = Asker {
+            by,
+            id: self.next_id(),
+            reply: self.reply_to(message),
+        };
         let topic = self.topics.drive(name, "result");
         self.refuse(at, name, topic, &asker, &refused);
     }
 
     /// An order that is subject to deadline, ids and bounds.
-    fn order(&mut self, at: Moment, drive: usize, asker: Asker, mut wish: InputCommand, message: &Message<'_>) {
+    fn order(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: Asker,
+        mut wish: InputCommand,
+        message: &Message<'_>,
+    ) {
         let tried = tried_by(&wish.order);
         if wish.id.is_some() {
-            let known = self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
+            let known =
+                self.seen[drive].look(at.mono, (asker.by, &asker.id), &wish.order, wish.epoch);
             let refused = Report::refused(Reason::Duplicate);
             match known {
                 IdState::New => {}
@@ -195,7 +267,15 @@ impl Session {
                     self.keep(Some(drive), asker.by, tried, refused);
                     return self.repeat(at, drive, &asker, &wish, report);
                 }
-                IdState::Other => return self.refuse_for(at, drive, &asker, &Refused::plain(Reason::Duplicate), tried),
+                IdState::Other => {
+                    return self.refuse_for(
+                        at,
+                        drive,
+                        &asker,
+                        &Refused::plain(Reason::Duplicate),
+                        tried,
+                    );
+                }
             }
         }
         let dated = self.date(at, &mut wish);
@@ -216,24 +296,50 @@ impl Session {
     /// A motor that is started while nobody is there to hold it is stopped soon.
     fn remark_on_clients_gone(&self, wish: &mut InputCommand) {
         let starts = matches!(&wish.order, Order::Go(go) if go.run().is_some());
-        let Some(topic) = self.clients_gone().filter(|_| starts) else { return };
+        let Some(topic) = self.clients_gone().filter(|_| starts) else {
+            return;
+        };
         let gone = format!(
             "`{topic}` says that the clients of the broker are offline: the declared action is carried out after \
              `lost_after`, unless it says `online` by then"
         );
-        wish.remark = Some(wish.remark.take().map_or_else(|| gone.clone(), |remark| format!("{remark}; {gone}")));
+        wish.remark = Some(
+            wish.remark
+                .take()
+                .map_or_else(|| gone.clone(), |remark| format!("{remark}; {gone}")),
+        );
     }
 
     /// A refusal is final: the same message delivered again is answered with it and never executed.
-    fn remember_refusal(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &InputCommand, reason: Reason) {
+    fn remember_refusal(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: &Asker,
+        wish: &InputCommand,
+        reason: Reason,
+    ) {
         if wish.id.is_none() {
             return;
         }
         let by_id = (asker.by, asker.id.clone());
-        self.seen[drive].add_refused(at.mono, by_id, wish.order.clone(), wish.epoch, Report::refused(reason));
+        self.seen[drive].add_refused(
+            at.mono,
+            by_id,
+            wish.order.clone(),
+            wish.epoch,
+            Report::refused(reason),
+        );
     }
 
-    fn repeat(&mut self, at: Moment, drive: usize, asker: &Asker, wish: &InputCommand, report: Report) {
+    fn repeat(
+        &mut self,
+        at: Moment,
+        drive: usize,
+        asker: &Asker,
+        wish: &InputCommand,
+        report: Report,
+    ) {
         self.counters.duplicates += 1;
         self.tell_again(at, drive, asker, &wish.order, report);
     }
@@ -241,11 +347,16 @@ impl Session {
     /// Determines when a command was issued, and refuses one that is or may be too old.
     fn date(&mut self, at: Moment, wish: &mut InputCommand) -> Result<(), Refused> {
         let ttl = wish.ttl.unwrap_or(self.settings.command_ttl);
-        let issue = wish.issued_at.map(|issued_at| self.issued.take(at, issued_at)).transpose()?;
+        let issue = wish
+            .issued_at
+            .map(|issued_at| self.issued.take(at, issued_at))
+            .transpose()?;
         if self.path.is_unproven() {
             return Err(Refused::new(Reason::Stale, WAY_UNPROVEN));
         }
-        let age = issue.as_ref().map_or_else(|| self.path.may_have_waited(), |issue| issue.age);
+        let age = issue
+            .as_ref()
+            .map_or_else(|| self.path.may_have_waited(), |issue| issue.age);
         if age > ttl {
             return Err(Refused::plain(Reason::Stale));
         }
@@ -265,7 +376,12 @@ impl Session {
         refused: &Refused,
         tried: Option<Tried>,
     ) {
-        self.keep(Some(drive), asker.by, tried, Report::refused(refused.reason));
+        self.keep(
+            Some(drive),
+            asker.by,
+            tried,
+            Report::refused(refused.reason),
+        );
         let name = self.drives[drive].name.clone();
         let topic = self.topics.drive(name.as_str(), "result");
         self.refuse(at, name.as_str(), topic, asker, refused);
@@ -280,14 +396,21 @@ impl Session {
 
     /// The response topic of the request, if it is allowed.
     fn reply_to(&mut self, message: &Message<'_>) -> Option<Reply> {
-        let topic = message.response_topic.filter(|_| self.settings.version == Version::V5)?;
+        let topic = message
+            .response_topic
+            .filter(|_| self.settings.version == Version::V5)?;
         let allowed = self.settings.response_prefix.as_deref();
-        let is_short = message.correlation.is_none_or(|it| it.len() <= CORRELATION_MAX_BYTES);
+        let is_short = message
+            .correlation
+            .is_none_or(|it| it.len() <= CORRELATION_MAX_BYTES);
         if !is_short || !allowed.is_some_and(|allowed| self.topics.may_respond_to(topic, allowed)) {
             self.counters.responses_ignored += 1;
             return None;
         }
-        Some(Reply { topic: topic.to_owned(), correlation: message.correlation.map(<[u8]>::to_vec) })
+        Some(Reply {
+            topic: topic.to_owned(),
+            correlation: message.correlation.map(<[u8]>::to_vec),
+        })
     }
 }
 
@@ -301,9 +424,20 @@ const fn clears(message: &Message<'_>) -> bool {
 /// # Errors
 /// The name in the topic is not a valid client name.
 fn owner(place: InputAddress<'_>) -> Result<Owner, Refused> {
-    let Some(by) = place.by else { return Ok(Owner::Mqtt) };
+    let Some(by) = place.by else {
+        return Ok(Owner::Mqtt);
+    };
     CommanderName::new(by).map(Owner::MqttBy).ok_or_else(|| {
-        let right = format!("1 to {} letters, digits, `-`, `_` or `.`, not only dots", CommanderName::MAX_CHARS);
-        Refused::new(Reason::NotUnderstood, format!("`{}` is not a valid client name; expected {right}", short(by)))
+        let right = format!(
+            "1 to {} letters, digits, `-`, `_` or `.`, not only dots",
+            CommanderName::MAX_CHARS
+        );
+        Refused::new(
+            Reason::NotUnderstood,
+            format!(
+                "`{}` is not a valid client name; expected {right}",
+                short(by)
+            ),
+        )
     })
 }

@@ -38,7 +38,10 @@ pub(in crate::north) enum Kind {
 impl Kind {
     /// Whether its changes are kept while there is no broker to publish to.
     pub(super) const fn is_recorded(self) -> bool {
-        matches!(self, Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint)
+        matches!(
+            self,
+            Self::RunState | Self::Polled(_) | Self::Rated(_) | Self::Setpoint
+        )
     }
 
     /// The tree it is part of; `None`: it is always published.
@@ -53,7 +56,9 @@ impl Kind {
     /// The register that it shows.
     pub(in crate::north) const fn register(self) -> Option<usize> {
         match self {
-            Self::Polled(register) | Self::Rated(register) | Self::Param(register) => Some(register),
+            Self::Polled(register) | Self::Rated(register) | Self::Param(register) => {
+                Some(register)
+            }
             _ => None,
         }
     }
@@ -61,14 +66,28 @@ impl Kind {
 
 /// What is shown of `drive`, each with its topic below the drive's.
 pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
-    let mut kinds = vec![(Kind::Availability, "availability".into()), (Kind::RunState, "run/state".into())];
+    let mut kinds = vec![
+        (Kind::Availability, "availability".into()),
+        (Kind::RunState, "run/state".into()),
+    ];
     let polled = |(_, register): &(usize, &Register)| register.poll.is_some();
     let values = drive.model.registers.iter().enumerate().filter(polled);
-    kinds.extend(values.filter_map(|(place, register)| Some((Kind::Polled(place), value_topic(register)?))));
-    let in_per_cent = drive.model.registers.iter().enumerate().filter(polled).filter_map(|(place, register)| {
-        let rated = Rated::of(register, &drive.ratings)?;
-        Some((Kind::Rated(place), format!("measure/{}", measure_name(register.role?, rated.unit)?)))
-    });
+    kinds.extend(
+        values.filter_map(|(place, register)| Some((Kind::Polled(place), value_topic(register)?))),
+    );
+    let in_per_cent = drive
+        .model
+        .registers
+        .iter()
+        .enumerate()
+        .filter(polled)
+        .filter_map(|(place, register)| {
+            let rated = Rated::of(register, &drive.ratings)?;
+            Some((
+                Kind::Rated(place),
+                format!("measure/{}", measure_name(register.role?, rated.unit)?),
+            ))
+        });
     kinds.extend(in_per_cent);
     let has_setpoint = kinds.iter().any(|(_, rest)| rest == SETPOINT);
     if drive.control.is_some() && !has_setpoint {
@@ -86,7 +105,11 @@ pub(in crate::north) fn kinds(drive: &DriveDescription) -> Vec<(Kind, String)> {
     ];
     kinds.extend(trips.map(|(kind, rest)| (kind, format!("trip/{rest}"))));
     if drive.model.warning_register().is_some() {
-        let warnings = [(Kind::WarningActive, "active"), (Kind::WarningCode, "code"), (Kind::WarningText, "text")];
+        let warnings = [
+            (Kind::WarningActive, "active"),
+            (Kind::WarningCode, "code"),
+            (Kind::WarningText, "text"),
+        ];
         kinds.extend(warnings.map(|(kind, rest)| (kind, format!("warning/{rest}"))));
     }
     let parts = UsageParts::of(&drive.model);
@@ -102,9 +125,14 @@ fn value_topic(register: &Register) -> Option<String> {
     match register.role {
         Some(Role::OutputFrequency) => Some("frequency/output".to_owned()),
         Some(Role::FrequencySetting | Role::FrequencyCommand) => Some(SETPOINT.to_owned()),
-        Some(Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory) => None,
+        Some(
+            Role::TripCount | Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory,
+        ) => None,
         Some(Role::WarningCode | Role::WarningBits) => None,
-        Some(role) => Some(format!("measure/{}", measure_name(role, register.unit).unwrap_or(&register.name))),
+        Some(role) => Some(format!(
+            "measure/{}",
+            measure_name(role, register.unit).unwrap_or(&register.name)
+        )),
         None => Some(format!("measure/{}", register.name)),
     }
 }

@@ -37,19 +37,34 @@ impl LineTopics {
     pub(super) fn new(topics: &Topics, name: &Name, drives: &[DriveDescription]) -> Self {
         let topic = |rest| topics.line(name.as_str(), rest);
         let stats_of = |drive: &DriveDescription| topics.drive(drive.name.as_str(), "stats");
-        let drives =
-            drives.iter().filter(|drive| drive.line == *name).map(|drive| (drive.name.clone(), stats_of(drive)));
-        let active = topics.half().map(|half| (Slot::new(topic("active")), half.to_string()));
+        let drives = drives
+            .iter()
+            .filter(|drive| drive.line == *name)
+            .map(|drive| (drive.name.clone(), stats_of(drive)));
+        let active = topics
+            .half()
+            .map(|half| (Slot::new(topic("active")), half.to_string()));
         let status = Slot::new(topic("status"));
         let drives = drives.collect();
-        Self { status, active, stats_topic: topic("stats"), drives, stats: None, told_drives: 0, is_held: false }
+        Self {
+            status,
+            active,
+            stats_topic: topic("stats"),
+            drives,
+            stats: None,
+            told_drives: 0,
+            is_held: false,
+        }
     }
 
     /// All its topics.
     pub(super) fn topics(&self) -> impl Iterator<Item = &str> {
         let active = self.active.as_ref().map(|(slot, _)| slot.topic());
         let of_drives = self.drives.iter().map(|(_, topic)| topic.as_str());
-        [self.status.topic(), self.stats_topic.as_str()].into_iter().chain(active).chain(of_drives)
+        [self.status.topic(), self.stats_topic.as_str()]
+            .into_iter()
+            .chain(active)
+            .chain(of_drives)
     }
 
     /// Whether both show the same line with the same drives.
@@ -69,11 +84,17 @@ impl LineTopics {
     pub(super) fn next(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let status = status(&line.report);
         let payload = status.clone().into_bytes();
-        if self.status.offer(now, Content::Text(status.into()), |_, _| true).is_some() {
+        if self
+            .status
+            .offer(now, Content::Text(status.into()), |_, _| true)
+            .is_some()
+        {
             return Some(self.status.publication(now, payload, Qos::AtLeastOnce));
         }
         if let Some((active, half)) = &mut self.active
-            && active.offer(now, Content::Text(half.clone().into()), |_, _| true).is_some()
+            && active
+                .offer(now, Content::Text(half.clone().into()), |_, _| true)
+                .is_some()
         {
             return Some(active.publication(now, half.clone().into_bytes(), Qos::AtLeastOnce));
         }
@@ -83,12 +104,18 @@ impl LineTopics {
     fn next_stats(&mut self, now: &Present, line: &LineState) -> Option<Publication> {
         let report = &line.report;
         if self.stats.is_some()
-            && let Some(((name, topic), station)) = self.drives.iter().zip(&line.stations).nth(self.told_drives)
+            && let Some(((name, topic), station)) =
+                self.drives.iter().zip(&line.stations).nth(self.told_drives)
         {
             self.told_drives += 1;
             let mut stats = station_stats(name, station);
             stats["at"] = now.clock.text(now.at).into();
-            return Some(retained(now, topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce));
+            return Some(retained(
+                now,
+                topic.clone(),
+                stats.to_string().into_bytes(),
+                Qos::AtMostOnce,
+            ));
         }
         let (age, has_changed) = match &self.stats {
             Some((at, last)) => (now.at.since(*at), last != report),
@@ -103,29 +130,50 @@ impl LineTopics {
         let mut stats = line_stats(&report.counters);
         if let Some(object) = stats.as_object_mut() {
             object.insert("budget".to_owned(), budget(report));
-            object.insert("bad_per_cent".to_owned(), report.quality.bad_per_cent.into());
+            object.insert(
+                "bad_per_cent".to_owned(),
+                report.quality.bad_per_cent.into(),
+            );
             object.insert("suspended".to_owned(), report.quality.is_suspended.into());
-            object.insert("suspicion".to_owned(), report.suspicion.map(Suspicion::word).into());
+            object.insert(
+                "suspicion".to_owned(),
+                report.suspicion.map(Suspicion::word).into(),
+            );
             object.insert("at".to_owned(), now.clock.text(now.at).into());
         }
-        Some(retained(now, self.stats_topic.clone(), stats.to_string().into_bytes(), Qos::AtMostOnce))
+        Some(retained(
+            now,
+            self.stats_topic.clone(),
+            stats.to_string().into_bytes(),
+            Qos::AtMostOnce,
+        ))
     }
 
     pub(super) fn wake(&self, heartbeat: Duration) -> Option<MonoTime> {
         let wait = if self.is_held { STATS_EVERY } else { heartbeat };
         let active = self.active.as_ref().map(|(slot, _)| slot.due(heartbeat));
-        let all = Some(self.stats.as_ref()?.0 + wait).into_iter().chain([self.status.due(heartbeat)]).chain(active);
+        let all = Some(self.stats.as_ref()?.0 + wait)
+            .into_iter()
+            .chain([self.status.due(heartbeat)])
+            .chain(active);
         all.min()
     }
 }
 
 fn status(report: &LineReport) -> String {
-    report.down_reason().map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
+    report
+        .down_reason()
+        .map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
 /// Planned and measured times.
 fn budget(report: &LineReport) -> Value {
-    let LineReport { stop, measured, planned_use_per_mille, .. } = report;
+    let LineReport {
+        stop,
+        measured,
+        planned_use_per_mille,
+        ..
+    } = report;
     json!({
         "planned_use_percent": f64::from(*planned_use_per_mille) / 10.0,
         "worst_stop_healthy_ms": millis(stop.all_healthy),
@@ -146,10 +194,29 @@ fn station_stats(name: &Name, station: &StationReport) -> Value {
         "silent": station.exchanges.silent,
     });
     for (class, reply) in REPLY_CLASSES.into_iter().zip(&station.replies) {
-        let ReplyReport { count, p50, p90, p99, p999, max, timeout, .. } = reply;
+        let ReplyReport {
+            count,
+            p50,
+            p90,
+            p99,
+            p999,
+            max,
+            timeout,
+            ..
+        } = reply;
         let mut times = json!({ "count": count, "timeout_ms": millis(*timeout) });
-        for (name, time) in [("p50", p50), ("p90", p90), ("p99", p99), ("p999", p999), ("max", max)] {
-            times[format!("{name}_us")] = if *count > 0 { micros(*time).into() } else { Value::Null };
+        for (name, time) in [
+            ("p50", p50),
+            ("p90", p90),
+            ("p99", p99),
+            ("p999", p999),
+            ("max", max),
+        ] {
+            times[format!("{name}_us")] = if *count > 0 {
+                micros(*time).into()
+            } else {
+                Value::Null
+            };
         }
         stats[class] = times;
     }
@@ -219,8 +286,11 @@ pub(super) fn infos(
     lines: &[Name],
     started: &str,
 ) -> Vec<Info> {
-    let info =
-        |topic: String, document: &Value| Info { topic, payload: document.to_string().into_bytes(), is_told: false };
+    let info = |topic: String, document: &Value| Info {
+        topic,
+        payload: document.to_string().into_bytes(),
+        is_told: false,
+    };
     let document = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "gateway": settings.gateway.as_str(),
@@ -228,12 +298,19 @@ pub(super) fn infos(
         "lines": lines.iter().map(Name::as_str).collect::<Vec<_>>(),
         "drives": drives.iter().map(|drive| drive.name.as_str()).collect::<Vec<_>>(),
     });
-    let of_drives = drives.iter().map(|it| info(topics.drive(it.name.as_str(), "info"), &drive(it)));
-    std::iter::once(info(topics.gateway("info"), &document)).chain(of_drives).collect()
+    let of_drives = drives
+        .iter()
+        .map(|it| info(topics.drive(it.name.as_str(), "info"), &drive(it)));
+    std::iter::once(info(topics.gateway("info"), &document))
+        .chain(of_drives)
+        .collect()
 }
 
 fn drive(drive: &DriveDescription) -> Value {
-    let limits = drive.control.as_ref().map(|it| json!({ "min": it.least.as_f64(), "max": it.most.as_f64() }));
+    let limits = drive
+        .control
+        .as_ref()
+        .map(|it| json!({ "min": it.least.as_f64(), "max": it.most.as_f64() }));
     json!({
         "name": drive.name.as_str(),
         "line": drive.line.as_str(),

@@ -41,11 +41,20 @@ impl Journal {
 
     fn publish(&mut self, it: &Publication) {
         assert!(!it.retain && it.qos == Qos::AtLeastOnce);
-        let seq = String::from_utf8(it.payload.clone()).unwrap().parse().unwrap();
-        assert!(seq > self.newest_of_connection, "numbers rise on a connection");
+        let seq = String::from_utf8(it.payload.clone())
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert!(
+            seq > self.newest_of_connection,
+            "numbers rise on a connection"
+        );
         self.newest_of_connection = seq;
         if !self.published.contains(&seq) {
-            assert!(self.published.last().is_none_or(|last| *last < seq), "none is published before an older one");
+            assert!(
+                self.published.last().is_none_or(|last| *last < seq),
+                "none is published before an older one"
+            );
         }
         self.published.push(seq);
         self.open.push((seq, it.token.expect("a token")));
@@ -54,8 +63,12 @@ impl Journal {
 
     fn answer(&mut self) {
         let Some(after) = self.want else { return };
-        let behind: Vec<_> =
-            self.kept.iter().copied().filter(|seq| *seq > after && !self.taken.contains(seq)).collect();
+        let behind: Vec<_> = self
+            .kept
+            .iter()
+            .copied()
+            .filter(|seq| *seq > after && !self.taken.contains(seq))
+            .collect();
         if behind.is_empty() {
             return;
         }
@@ -66,9 +79,15 @@ impl Journal {
     }
 
     fn deliver(&mut self, rig: &mut Rig) {
-        let Some((given, more)) = self.given.pop_front() else { return };
+        let Some((given, more)) = self.given.pop_front() else {
+            return;
+        };
         let drive = drives().swap_remove(0).name;
-        let event = |seq: &u64| StoredEvent { seq: *seq, drive: drive.clone(), body: seq.to_string() };
+        let event = |seq: &u64| StoredEvent {
+            seq: *seq,
+            drive: drive.clone(),
+            body: seq.to_string(),
+        };
         let events: Vec<_> = given.iter().map(event).collect();
         rig.session.stored_events(rig.at(), &events, more);
     }
@@ -110,7 +129,9 @@ fn play(rig: &mut Rig, journal: &mut Journal, step: Step) {
         Step::Trips(count) => {
             // Numbers are used for other rows too.
             let last = journal.kept.last().copied().unwrap_or(0);
-            journal.kept.extend((1..=u64::from(count)).map(|number| last + 2 * number));
+            journal
+                .kept
+                .extend((1..=u64::from(count)).map(|number| last + 2 * number));
         }
         Step::JournalAnswers => journal.answer(),
         Step::NewsArrive => journal.deliver(rig),
@@ -157,17 +178,25 @@ proptest! {
 }
 
 fn keeping(keep_telemetry: usize) -> Rig {
-    let mut rig = Rig::with(Settings { keep_telemetry, ..settings(Version::V5) });
+    let mut rig = Rig::with(Settings {
+        keep_telemetry,
+        ..settings(Version::V5)
+    });
     rig.poll(0, 3_000);
     rig.connect();
     rig
 }
 
 fn history(acts: &[Act]) -> Vec<(Value, u64)> {
-    let all = publications(acts).into_iter().filter(|it| it.topic == "vfd/plant/drive/pump/history");
+    let all = publications(acts)
+        .into_iter()
+        .filter(|it| it.topic == "vfd/plant/drive/pump/history");
     all.map(|it| {
         assert!(!it.retain && it.qos == Qos::AtLeastOnce);
-        (serde_json::from_slice(&it.payload).expect("JSON"), it.token.expect("a token"))
+        (
+            serde_json::from_slice(&it.payload).expect("JSON"),
+            it.token.expect("a token"),
+        )
     })
     .collect()
 }
@@ -182,7 +211,11 @@ fn changes_of_an_outage_are_reported_after_the_present() {
         rig.poll(0, output);
         rig.acts();
     }
-    assert_eq!(rig.session.counters().history_waiting, 2, "what is not published is not kept either");
+    assert_eq!(
+        rig.session.counters().history_waiting,
+        2,
+        "what is not published is not kept either"
+    );
     let acts = rig.connect();
     let told = history(&acts);
     let expected = |second: u32, value: f64| {
@@ -191,19 +224,41 @@ fn changes_of_an_outage_are_reported_after_the_present() {
             "value": value, "unit": "Hz",
         })
     };
-    assert_eq!(told.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(), [expected(1, 35.0), expected(3, 40.0)]);
-    let topics: Vec<_> = publications(&acts).iter().map(|it| it.topic.clone()).collect();
-    let place = |end: &str| topics.iter().position(|topic| topic.ends_with(end)).expect("it is there");
-    assert!(place("plant/status") < place("pump/history"), "the present first");
+    assert_eq!(
+        told.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(),
+        [expected(1, 35.0), expected(3, 40.0)]
+    );
+    let topics: Vec<_> = publications(&acts)
+        .iter()
+        .map(|it| it.topic.clone())
+        .collect();
+    let place = |end: &str| {
+        topics
+            .iter()
+            .position(|topic| topic.ends_with(end))
+            .expect("it is there")
+    };
+    assert!(
+        place("plant/status") < place("pump/history"),
+        "the present first"
+    );
 
     rig.handle(Event::Acknowledged(told[0].1));
     rig.handle(Event::Lost);
     let again = history(&rig.connect());
-    assert_eq!(again.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(), [expected(3, 40.0)], "until it has arrived");
+    assert_eq!(
+        again.iter().map(|(it, _)| it.clone()).collect::<Vec<_>>(),
+        [expected(3, 40.0)],
+        "until it has arrived"
+    );
     rig.handle(Event::Acknowledged(again[0].1));
     assert_eq!(rig.session.counters().history_waiting, 0);
     rig.poll(0, 4_500);
-    assert_eq!(history(&rig.acts()).len(), 0, "while there is a broker nothing is history");
+    assert_eq!(
+        history(&rig.acts()).len(),
+        0,
+        "while there is a broker nothing is history"
+    );
 }
 
 #[test]
@@ -215,7 +270,11 @@ fn a_change_of_the_run_state_is_kept_and_without_the_wish_nothing_is() {
         rig.acts();
         let told = history(&rig.connect());
         assert_eq!(told.len(), kept);
-        assert!(told.iter().all(|(it, _)| it["topic"] == "run/state" && it["value"] == "forward"), "{told:?}");
+        assert!(
+            told.iter()
+                .all(|(it, _)| it["topic"] == "run/state" && it["value"] == "forward"),
+            "{told:?}"
+        );
     }
 }
 
@@ -228,7 +287,13 @@ fn the_oldest_changes_give_way_and_the_rest_goes_slowly() {
         rig.poll(0, 100 * step);
         rig.acts();
     }
-    assert_eq!((rig.session.counters().history_waiting, rig.session.counters().history_dropped), (50, 30));
+    assert_eq!(
+        (
+            rig.session.counters().history_waiting,
+            rig.session.counters().history_dropped
+        ),
+        (50, 30)
+    );
     let mut told = history(&rig.connect());
     assert_eq!(told.len(), 16, "no more are open");
     let mut acknowledged = 0;

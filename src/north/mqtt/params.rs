@@ -18,14 +18,23 @@ pub(super) fn label(register: &Register) -> &str {
 pub(super) fn readable(model: &Model, code: &str) -> Result<usize, Refused> {
     let register = find(model, code)?;
     if !register.access.can_read() {
-        let message = format!("reading `{}` is not documented for this drive", label(register));
+        let message = format!(
+            "reading `{}` is not documented for this drive",
+            label(register)
+        );
         return Err(Refused::new(Reason::NotCapable, message));
     }
     if register.form.bases().next().is_some() || !register.form.plus.is_empty() {
-        let message = format!("the value of `{}` depends on other registers: see its own topic", label(register));
+        let message = format!(
+            "the value of `{}` depends on other registers: see its own topic",
+            label(register)
+        );
         return Err(Refused::new(Reason::NotCapable, message));
     }
-    let place = model.registers.iter().position(|it| it.name == register.name);
+    let place = model
+        .registers
+        .iter()
+        .position(|it| it.name == register.name);
     place.ok_or_else(|| Refused::plain(Reason::NotListed))
 }
 
@@ -40,12 +49,18 @@ pub(super) fn write(model: &Model, code: &str, value: f64) -> Result<RegisterWri
         return Err(Refused::new(Reason::NotListed, message));
     }
     if !register.is_exact() {
-        let message = format!("`{}` is not in whole steps of its unit: write its word by Modbus TCP", label(register));
+        let message = format!(
+            "`{}` is not in whole steps of its unit: write its word by Modbus TCP",
+            label(register)
+        );
         return Err(Refused::new(Reason::NotCapable, message));
     }
     let refused = |why| no_word(why, register);
     Ok(match register.form.pair {
-        Some(order) => RegisterWrite::pair(register.address, order.words(to_both(value, register).map_err(refused)?)),
+        Some(order) => RegisterWrite::pair(
+            register.address,
+            order.words(to_both(value, register).map_err(refused)?),
+        ),
         None => RegisterWrite::new(register.address, to_raw(value, register).map_err(refused)?),
     })
 }
@@ -60,15 +75,24 @@ const fn own_input(register: &Register) -> Option<&'static str> {
 }
 
 fn find<'m>(model: &'m Model, code: &str) -> Result<&'m Register, Refused> {
-    model.register_named(code).ok_or_else(|| unknown(model, code))
+    model
+        .register_named(code)
+        .ok_or_else(|| unknown(model, code))
 }
 
 fn unknown(model: &Model, code: &str) -> Refused {
-    let labels = model.registers.iter().map(label).chain(model.registers.iter().map(|it| it.name.as_str()));
+    let labels = model
+        .registers
+        .iter()
+        .map(label)
+        .chain(model.registers.iter().map(|it| it.name.as_str()));
     // The cost of comparing grows with the square of the length.
     let near = (code.len() <= 64).then(|| nearest(code, labels)).flatten();
     let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
-    Refused::new(Reason::NotListed, format!("the drive has no parameter `{}`{hint}", short(code)))
+    Refused::new(
+        Reason::NotListed,
+        format!("the drive has no parameter `{}`{hint}", short(code)),
+    )
 }
 
 fn no_word(why: NoWord, register: &Register) -> Refused {
@@ -76,7 +100,10 @@ fn no_word(why: NoWord, register: &Register) -> Refused {
         NoWord::NotANumber => Reason::NotANumber,
         NoWord::OutOfRange { .. } | NoWord::BetweenSteps { .. } => Reason::BetweenSteps,
     };
-    Refused::new(reason, format!("the value of `{}` is {why}", label(register)))
+    Refused::new(
+        reason,
+        format!("the value of `{}` is {why}", label(register)),
+    )
 }
 
 #[cfg(test)]
@@ -88,30 +115,50 @@ mod tests {
     fn registers_are_found_by_code_in_any_case_or_by_name() {
         let model = model();
         for code in ["F007", "f007", "acceleration_time"] {
-            assert_eq!(write(&model, code, 10.5), Ok(RegisterWrite::new(0x020C_u16, 105)));
+            assert_eq!(
+                write(&model, code, 10.5),
+                Ok(RegisterWrite::new(0x020C_u16, 105))
+            );
         }
     }
 
     #[test]
     fn a_value_that_is_a_ratio_of_its_word_is_not_guessed() {
         let mut model = Model::clone(&model());
-        for register in model.registers.iter_mut().filter(|it| it.name == "acceleration_time") {
+        for register in model
+            .registers
+            .iter_mut()
+            .filter(|it| it.name == "acceleration_time")
+        {
             register.form.per = 4;
         }
         let refused = write(&model, "F007", 10.5).unwrap_err();
         assert_eq!(refused.reason, Reason::NotCapable);
-        assert!(refused.message.contains("write its word by Modbus TCP"), "{}", refused.message);
+        assert!(
+            refused.message.contains("write its word by Modbus TCP"),
+            "{}",
+            refused.message
+        );
     }
 
     #[test]
     fn refusals_name_what_is_near_or_right() {
         let model = model();
         let message = |code, value| write(&model, code, value).unwrap_err().message;
-        assert_eq!(message("F0007", 1.0), "the drive has no parameter `F0007`; is it `F007`?");
+        assert_eq!(
+            message("F0007", 1.0),
+            "the drive has no parameter `F0007`; is it `F007`?"
+        );
         assert!(message("run_command", 1.0).ends_with("`run/set`"));
         assert!(message("frequency_command", 1.0).ends_with("`frequency/set`"));
-        assert_eq!(message("F007", -1.0), "the value of `F007` is outside 0.0 to 6553.5");
-        assert_eq!(readable(&model, "run_command").unwrap_err().reason, Reason::NotCapable);
+        assert_eq!(
+            message("F007", -1.0),
+            "the value of `F007` is outside 0.0 to 6553.5"
+        );
+        assert_eq!(
+            readable(&model, "run_command").unwrap_err().reason,
+            Reason::NotCapable
+        );
         assert!(message(&"x".repeat(60_000), 1.0).len() < 200);
     }
 }

@@ -7,7 +7,8 @@ use crate::domain::command::{Direction, Go, Order, Reason, RegisterWrite};
 use crate::domain::frequency::{Hertz, decimal};
 use crate::domain::time::MonoTime;
 use crate::north::command_words::{
-    RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in, unknown_word, without_mark,
+    RUN_EXAMPLE, RunWord, beside_a_stop, no_frequency, run_word, short_number, stop_in,
+    unknown_word, without_mark,
 };
 pub(super) use crate::north::command_words::{Refused, short};
 use crate::profile::model::Model;
@@ -44,12 +45,24 @@ pub(super) struct InputCommand {
 
 impl InputCommand {
     pub(super) const fn plain(order: Order) -> Self {
-        Self { id: None, order, ttl: None, issued_at: None, epoch: None, issued: None, remark: None }
+        Self {
+            id: None,
+            order,
+            ttl: None,
+            issued_at: None,
+            epoch: None,
+            issued: None,
+            remark: None,
+        }
     }
 }
 
 /// Reads the payload of `input` for a drive of `model`, with the id if one could be read.
-pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<Value>, Result<InputRequest, Refused>) {
+pub(super) fn read(
+    input: Input<'_>,
+    payload: &[u8],
+    model: &Model,
+) -> (Option<Value>, Result<InputRequest, Refused>) {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let refused = too_large(payload.len());
         let stop = match input {
@@ -57,9 +70,17 @@ pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<V
             Input::Run => stop_word(payload),
             _ => None,
         };
-        let Some(stop) = stop else { return (None, Err(refused)) };
+        let Some(stop) = stop else {
+            return (None, Err(refused));
+        };
         let remark = Some(beside_a_stop(&refused));
-        return (None, Ok(InputRequest::Order(InputCommand { remark, ..InputCommand::plain(stop_order(stop)) })));
+        return (
+            None,
+            Ok(InputRequest::Order(InputCommand {
+                remark,
+                ..InputCommand::plain(stop_order(stop))
+            })),
+        );
     }
     if payload.is_empty() && !input.takes_empty() {
         return (None, Err(empty()));
@@ -72,11 +93,16 @@ pub(super) fn read(input: Input<'_>, payload: &[u8], model: &Model) -> (Option<V
 }
 
 fn empty() -> Refused {
-    Refused::new(Reason::NotUnderstood, "the payload is empty, which orders nothing")
+    Refused::new(
+        Reason::NotUnderstood,
+        "the payload is empty, which orders nothing",
+    )
 }
 
 fn too_large(bytes: usize) -> Refused {
-    let message = format!("{bytes} bytes are more than any command needs; at most {PAYLOAD_MAX_BYTES} are read");
+    let message = format!(
+        "{bytes} bytes are more than any command needs; at most {PAYLOAD_MAX_BYTES} are read"
+    );
     Refused::new(Reason::TooLarge, message)
 }
 
@@ -98,25 +124,39 @@ fn plain(input: Input<'_>, payload: &[u8], model: &Model) -> Result<InputRequest
 /// The stop in the first bytes of a payload that is too large, if they contain no other word.
 fn stop_word(payload: &[u8]) -> Option<RunWord> {
     let start = std::str::from_utf8(without_mark(payload.get(..PAYLOAD_MAX_BYTES)?)).ok()?;
-    run_word(start).ok().filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
+    run_word(start)
+        .ok()
+        .filter(|word| matches!(word, RunWord::Stop | RunWord::Coast))
 }
 
 /// The order of a word that must be a stop.
 pub(super) const fn stop_order(word: RunWord) -> Order {
-    if matches!(word, RunWord::Coast) { Order::Coast } else { Order::Stop { setpoint: None } }
+    if matches!(word, RunWord::Coast) {
+        Order::Coast
+    } else {
+        Order::Stop { setpoint: None }
+    }
 }
 
 /// Accepts the payload of `all/run/set`.
 pub(super) fn read_all(payload: &[u8]) -> Result<(), Refused> {
     if payload.len() > PAYLOAD_MAX_BYTES {
         let is_stop = stop_word(payload) == Some(RunWord::Stop);
-        return if is_stop { Ok(()) } else { Err(too_large(payload.len())) };
+        return if is_stop {
+            Ok(())
+        } else {
+            Err(too_large(payload.len()))
+        };
     }
     if payload.is_empty() {
         return Err(empty());
     }
     let word = text(payload, "`stop`")?;
-    if word.eq_ignore_ascii_case("stop") { Ok(()) } else { Err(unknown_word(word, "`stop` and nothing else")) }
+    if word.eq_ignore_ascii_case("stop") {
+        Ok(())
+    } else {
+        Err(unknown_word(word, "`stop` and nothing else"))
+    }
 }
 
 fn run_order(text: &str) -> Result<Order, Refused> {
@@ -130,7 +170,8 @@ fn run_order(text: &str) -> Result<Order, Refused> {
 fn frequency_order(text: &str, model: &Model) -> Result<Order, Refused> {
     short_number(text, "42.5")?;
     let frequency = Hertz::parse(text);
-    let frequency = frequency.map_err(|why| no_frequency(why, "frequency/set", text, setpoint_step(model)))?;
+    let frequency =
+        frequency.map_err(|why| no_frequency(why, "frequency/set", text, setpoint_step(model)))?;
     go(Vec::new(), Some(frequency), None)
 }
 
@@ -149,7 +190,10 @@ fn param_order(model: &Model, code: &str, payload: &[u8]) -> Result<Order, Refus
     let value = decimal(text).ok_or_else(|| {
         Refused::new(
             Reason::NotANumber,
-            format!("`{}` is not a number with a decimal point, such as 10.5", short(text)),
+            format!(
+                "`{}` is not a number with a decimal point, such as 10.5",
+                short(text)
+            ),
         )
     })?;
     go(vec![params::write(model, code, value)?], None, None)
@@ -161,13 +205,20 @@ pub(super) fn go(
     frequency: Option<Hertz>,
     run: Option<Direction>,
 ) -> Result<Order, Refused> {
-    Go::new(registers, frequency, run).map(Order::Go).ok_or_else(|| Refused::plain(Reason::TooManyFrames))
+    Go::new(registers, frequency, run)
+        .map(Order::Go)
+        .ok_or_else(|| Refused::plain(Reason::TooManyFrames))
 }
 
 /// The payload as trimmed text.
 fn text<'p>(payload: &'p [u8], right: &str) -> Result<&'p str, Refused> {
     let text = std::str::from_utf8(without_mark(payload)).map(str::trim);
-    text.map_err(|_| Refused::new(Reason::NotUnderstood, format!("the payload is not text; expected {right}")))
+    text.map_err(|_| {
+        Refused::new(
+            Reason::NotUnderstood,
+            format!("the payload is not text; expected {right}"),
+        )
+    })
 }
 
 #[cfg(test)]
@@ -185,7 +236,10 @@ mod tests {
 
     #[test]
     fn words_are_taken_trimmed_and_in_any_case() {
-        assert_eq!(order(Input::Run, " STOP\n"), Ok(Order::Stop { setpoint: None }));
+        assert_eq!(
+            order(Input::Run, " STOP\n"),
+            Ok(Order::Stop { setpoint: None })
+        );
         assert_eq!(order(Input::Run, "Coast"), Ok(Order::Coast));
         let reverse = Go::new(Vec::new(), None, Some(Direction::Reverse)).unwrap();
         assert_eq!(order(Input::Run, "reverse"), Ok(Order::Go(reverse)));
@@ -225,7 +279,11 @@ mod tests {
             let (_, refused) = read(input, absurd.as_bytes(), &model());
             let refused = refused.unwrap_err();
             assert_eq!(refused.reason, Reason::NotUnderstood);
-            assert!(refused.message.contains("for example, ") && refused.message.len() < 200, "{}", refused.message);
+            assert!(
+                refused.message.contains("for example, ") && refused.message.len() < 200,
+                "{}",
+                refused.message
+            );
         }
         let (_, not_text) = read(Input::Run, b"stop\xFF", &model());
         assert_eq!(not_text.unwrap_err().reason, Reason::NotUnderstood);
@@ -242,7 +300,9 @@ mod tests {
             (Input::Run, padded("coast"), &Order::Coast),
             (Input::Command, padded(r#"{"run":"stop","x":"#), &stop),
         ] {
-            let Ok(InputRequest::Order(wish)) = read(input, &payload, &model()).1 else { panic!("{input:?}") };
+            let Ok(InputRequest::Order(wish)) = read(input, &payload, &model()).1 else {
+                panic!("{input:?}")
+            };
             assert_eq!(&wish.order, expected);
             assert!(wish.remark.is_some_and(|remark| remark.contains("8192")));
         }
@@ -252,7 +312,10 @@ mod tests {
             (Input::Command, padded(r#"{"run":"forward""#)),
             (Input::Reset, padded("stop")),
         ] {
-            assert_eq!(read(input, &payload, &model()).1.unwrap_err().reason, Reason::TooLarge);
+            assert_eq!(
+                read(input, &payload, &model()).1.unwrap_err().reason,
+                Reason::TooLarge
+            );
         }
         assert!(read_all(&padded("stop")).is_ok() && read_all(&padded("go")).is_err());
     }

@@ -28,7 +28,14 @@ struct Point {
 
 impl Points {
     pub(in crate::north) fn new(drive: &DriveDescription) -> Self {
-        Self(drive.model.registers.iter().map(|register| Point::new(drive, register)).collect())
+        Self(
+            drive
+                .model
+                .registers
+                .iter()
+                .map(|register| Point::new(drive, register))
+                .collect(),
+        )
     }
 
     /// The heartbeat of a topic that has one of its own.
@@ -40,7 +47,12 @@ impl Points {
     }
 
     /// `content` as published on a topic; `None`: the topic is empty.
-    pub(super) fn shown(&self, kind: Kind, content: &Content, drive: &DriveDescription) -> Option<String> {
+    pub(super) fn shown(
+        &self,
+        kind: Kind,
+        content: &Content,
+        drive: &DriveDescription,
+    ) -> Option<String> {
         let all = match content {
             Content::Cleared => return None,
             Content::Text(text) => return Some(text.clone().into_owned()),
@@ -51,7 +63,9 @@ impl Points {
         Some(match (kind, self.digits(place)) {
             (Kind::Rated(_), digits) => {
                 let digits = digits.map_or(RATED_DIGITS, |digits| digits.min(RATED_DIGITS));
-                Rated::of(register, &drive.ratings)?.to_digits(all, digits).to_string()
+                Rated::of(register, &drive.ratings)?
+                    .to_digits(all, digits)
+                    .to_string()
             }
             (Kind::Polled(_), Some(digits)) => all.to_digits(digits).to_string(),
             _ => all.to_string(),
@@ -59,7 +73,13 @@ impl Points {
     }
 
     /// Whether a change of the topic's register from `old` to `new` is news.
-    pub(in crate::north) fn differ_on(&self, kind: Kind, drive: &DriveDescription, old: Scaled, new: Scaled) -> bool {
+    pub(in crate::north) fn differ_on(
+        &self,
+        kind: Kind,
+        drive: &DriveDescription,
+        old: Scaled,
+        new: Scaled,
+    ) -> bool {
         let text = |value| self.shown(kind, &Content::Value(value), drive);
         match kind {
             Kind::Polled(place) => self.differ(place, old, new),
@@ -70,13 +90,16 @@ impl Points {
 
     /// Whether a change of the model's register at `place` from `old` to `new` is news.
     pub(super) fn differ(&self, place: usize, old: Scaled, new: Scaled) -> bool {
-        let Some(point) = self.0.get(place) else { return false };
+        let Some(point) = self.0.get(place) else {
+            return false;
+        };
         point.is_beyond_band(old, new) && point.looks_different(old, new)
     }
 
     /// The number that is shown for `scaled`, the value of the register at `place`.
     pub(in crate::north) fn value(&self, place: usize, scaled: Scaled) -> f64 {
-        self.digits(place).map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
+        self.digits(place)
+            .map_or_else(|| scaled.value(), |digits| scaled.to_digits(digits).value())
     }
 
     fn digits(&self, place: usize) -> Option<u8> {
@@ -87,8 +110,15 @@ impl Points {
 impl Point {
     fn new(drive: &DriveDescription, register: &Register) -> Self {
         let band = named(&drive.points.dead_bands, register);
-        let digits = drive.points.decimals_of(register).filter(|digits| *digits < register.digits());
-        Self { band, heartbeat: named(&drive.points.heartbeats, register), digits }
+        let digits = drive
+            .points
+            .decimals_of(register)
+            .filter(|digits| *digits < register.digits());
+        Self {
+            band,
+            heartbeat: named(&drive.points.heartbeats, register),
+            digits,
+        }
     }
 
     fn is_beyond_band(&self, old: Scaled, new: Scaled) -> bool {
@@ -98,15 +128,21 @@ impl Point {
         let in_steps = |band: f64| band * new.fraction().1 as f64;
         let is_beyond = |band| (steps(old) - steps(new)).abs() + ROUNDING >= in_steps(band);
         let is_comparable = old.fraction().1 == new.fraction().1;
-        old != new && self.band.is_none_or(|band| !is_comparable || is_beyond(band))
+        old != new
+            && self
+                .band
+                .is_none_or(|band| !is_comparable || is_beyond(band))
     }
 
     fn looks_different(&self, old: Scaled, new: Scaled) -> bool {
         let shown = |value: Scaled, digits: u8| value.to_digits(digits);
-        self.digits.is_none_or(|digits| shown(old, digits) != shown(new, digits))
+        self.digits
+            .is_none_or(|digits| shown(old, digits) != shown(new, digits))
     }
 }
 
 fn named<T: Copy>(list: &[(String, T)], register: &Register) -> Option<T> {
-    list.iter().find(|(name, _)| *name == register.name).map(|(_, it)| *it)
+    list.iter()
+        .find(|(name, _)| *name == register.name)
+        .map(|(_, it)| *it)
 }

@@ -12,7 +12,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 fn publishing(trees: &[Tree]) -> Rig {
-    let mut rig = Rig::with(Settings { publish: trees.to_vec(), ..settings(Version::V5) });
+    let mut rig = Rig::with(Settings {
+        publish: trees.to_vec(),
+        ..settings(Version::V5)
+    });
     rig.poll(0, 3_000);
     rig
 }
@@ -45,13 +48,28 @@ fn polled_after(rig: &mut Rig, millis: u64) -> Vec<Act> {
 
 /// Topics that are not empty in the end.
 fn filled(acts: &[Act]) -> Vec<String> {
-    told(acts).into_iter().filter(|(_, payload)| !payload.is_empty()).map(|(topic, _)| topic).collect()
+    told(acts)
+        .into_iter()
+        .filter(|(_, payload)| !payload.is_empty())
+        .map(|(topic, _)| topic)
+        .collect()
 }
 
 #[test]
 fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
-    let always = ["drive/pump/availability", "drive/fan/availability", "status"];
-    for trees in [&[][..], &[Tree::State], &[Tree::Values], &[Tree::Line], &[Tree::Info], &Tree::ALL] {
+    let always = [
+        "drive/pump/availability",
+        "drive/fan/availability",
+        "status",
+    ];
+    for trees in [
+        &[][..],
+        &[Tree::State],
+        &[Tree::Values],
+        &[Tree::Line],
+        &[Tree::Info],
+        &Tree::ALL,
+    ] {
         let mut rig = publishing(trees);
         let acts = rig.connect();
         let filled = filled(&acts);
@@ -70,7 +88,10 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
         for (tree, topic) in table {
             let is_wanted = trees.contains(&tree);
             assert_eq!(is_there(topic), is_wanted, "{topic} with {trees:?}");
-            let clearings = told(&acts).iter().filter(|(it, payload)| it == topic && payload.is_empty()).count();
+            let clearings = told(&acts)
+                .iter()
+                .filter(|(it, payload)| it == topic && payload.is_empty())
+                .count();
             assert_eq!(clearings, usize::from(!is_wanted), "{topic} with {trees:?}");
         }
         assert!(always.iter().all(|topic| is_there(topic)), "{filled:?}");
@@ -79,10 +100,20 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
         let later = rig.pass(1_000);
         rig.poll(0, 4_000);
         let later = [later, rig.acts()].concat();
-        assert!(told(&later).iter().all(|(_, payload)| !payload.is_empty()), "{:?}", told(&later));
+        assert!(
+            told(&later).iter().all(|(_, payload)| !payload.is_empty()),
+            "{:?}",
+            told(&later)
+        );
         rig.handle(Event::Lost);
-        let again = told(&rig.connect()).iter().filter(|(_, payload)| payload.is_empty()).count();
-        assert!(again > 0 || trees.len() == Tree::ALL.len(), "a broker may bring an old state back");
+        let again = told(&rig.connect())
+            .iter()
+            .filter(|(_, payload)| payload.is_empty())
+            .count();
+        assert!(
+            again > 0 || trees.len() == Tree::ALL.len(),
+            "a broker may bring an old state back"
+        );
     }
 }
 
@@ -90,12 +121,22 @@ fn only_what_is_listed_is_published_and_the_rest_is_cleared_once() {
 fn commands_and_reads_are_answered_whatever_is_published() {
     let mut rig = publishing(&[]);
     rig.connect();
-    assert_eq!(super::harness::result(&rig.send("drive/pump/run/set", b"sideways")).0, "refused");
+    assert_eq!(
+        super::harness::result(&rig.send("drive/pump/run/set", b"sideways")).0,
+        "refused"
+    );
     let acts = rig.send("drive/pump/param/F007/get", b"");
     let ticket = super::harness::reads(&acts)[0].ticket;
     let outcome = crate::domain::native::NativeOutcome::Words(vec![105].into());
     let asker = crate::domain::ids::AskerId::MQTT;
-    rig.session.native_answer(rig.at(), &crate::domain::native::NativeAnswer { asker, ticket, outcome });
+    rig.session.native_answer(
+        rig.at(),
+        &crate::domain::native::NativeAnswer {
+            asker,
+            ticket,
+            outcome,
+        },
+    );
     let acts = rig.acts();
     assert_eq!(super::harness::results(&acts)[0]["values"]["F007"], 10.5);
     assert_eq!(on(&acts, "drive/pump/param/F007"), None);
@@ -103,7 +144,11 @@ fn commands_and_reads_are_answered_whatever_is_published() {
 
 #[test]
 fn what_changed_in_an_outage_is_reported_though_its_topic_is_left_out() {
-    let mut rig = Rig::with(Settings { publish: vec![Tree::State], keep_telemetry: 10, ..settings(Version::V5) });
+    let mut rig = Rig::with(Settings {
+        publish: vec![Tree::State],
+        keep_telemetry: 10,
+        ..settings(Version::V5)
+    });
     rig.poll(0, 3_000);
     rig.connect();
     rig.pass(1_000);
@@ -115,9 +160,19 @@ fn what_changed_in_an_outage_is_reported_though_its_topic_is_left_out() {
     rig.poll(0, 4_000);
     rig.acts();
     let acts = rig.connect();
-    let history: Vec<_> = told(&acts).into_iter().filter(|(topic, _)| topic == "drive/pump/history").collect();
-    assert_eq!(history.len(), 1, "what came before the outage is no part of it: {history:?}");
-    assert_eq!(serde_json::from_str::<Value>(&history[0].1).unwrap()["value"], 40.0);
+    let history: Vec<_> = told(&acts)
+        .into_iter()
+        .filter(|(topic, _)| topic == "drive/pump/history")
+        .collect();
+    assert_eq!(
+        history.len(),
+        1,
+        "what came before the outage is no part of it: {history:?}"
+    );
+    assert_eq!(
+        serde_json::from_str::<Value>(&history[0].1).unwrap()["value"],
+        40.0
+    );
 }
 
 #[test]
@@ -128,7 +183,11 @@ fn drives_that_come_later_have_their_left_out_topics_cleared_too() {
     renamed[0].name = name("mixer");
     rig.session.replace(rig.at(), renamed, vec![name("hall")]);
     let acts = rig.acts();
-    for topic in ["drive/mixer/frequency/output", "drive/pump/state", "drive/pump/availability"] {
+    for topic in [
+        "drive/mixer/frequency/output",
+        "drive/pump/state",
+        "drive/pump/availability",
+    ] {
         assert_eq!(on(&acts, topic).as_deref(), Some(""), "{topic}");
     }
     assert!(filled(&acts).contains(&"drive/mixer/state".to_owned()));
@@ -136,18 +195,32 @@ fn drives_that_come_later_have_their_left_out_topics_cleared_too() {
 
 #[test]
 fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
-    let points = Points { heartbeats: of_output(Duration::from_secs(5)), ..Points::default() };
+    let points = Points {
+        heartbeats: of_output(Duration::from_secs(5)),
+        ..Points::default()
+    };
     for version in [Version::V4, Version::V5] {
         let mut rig = with_points(version, points.clone());
         let mut times = 0;
         for _ in 0..118 {
             let acts = polled_after(&mut rig, 500);
-            times += told(&acts).iter().filter(|(topic, _)| topic == "drive/pump/frequency/output").count();
-            let expiry =
-                |topic: &str| publications(&acts).iter().find(|it| it.topic.ends_with(topic)).map(|it| it.expiry);
+            times += told(&acts)
+                .iter()
+                .filter(|(topic, _)| topic == "drive/pump/frequency/output")
+                .count();
+            let expiry = |topic: &str| {
+                publications(&acts)
+                    .iter()
+                    .find(|it| it.topic.ends_with(topic))
+                    .map(|it| it.expiry)
+            };
             let expected = (version == Version::V5).then(|| Duration::from_secs(15));
             assert!(expiry("pump/frequency/output").is_none_or(|it| it == expected));
-            assert_eq!(expiry("pump/frequency/setpoint"), None, "the others have theirs");
+            assert_eq!(
+                expiry("pump/frequency/setpoint"),
+                None,
+                "the others have theirs"
+            );
         }
         assert_eq!(times, 11, "in 59 seconds");
     }
@@ -155,12 +228,18 @@ fn a_point_with_a_heartbeat_of_its_own_comes_by_that_and_expires_by_it() {
 
 #[test]
 fn a_longer_heartbeat_of_its_own_is_kept_too() {
-    let points = Points { heartbeats: of_output(Duration::from_secs(120)), ..Points::default() };
+    let points = Points {
+        heartbeats: of_output(Duration::from_secs(120)),
+        ..Points::default()
+    };
     let mut rig = with_points(Version::V5, points);
     let mut seen = Vec::new();
     for second in 0..130 {
         let acts = polled_after(&mut rig, 1_000);
-        for it in publications(&acts).iter().filter(|it| it.topic.ends_with("pump/frequency/output")) {
+        for it in publications(&acts)
+            .iter()
+            .filter(|it| it.topic.ends_with("pump/frequency/output"))
+        {
             seen.push((second, it.expiry));
         }
     }
@@ -169,7 +248,10 @@ fn a_longer_heartbeat_of_its_own_is_kept_too() {
 
 #[test]
 fn decimals_round_everywhere_and_what_looks_the_same_is_no_news() {
-    let points = Points { decimals: of_output(1), ..Points::default() };
+    let points = Points {
+        decimals: of_output(1),
+        ..Points::default()
+    };
     let mut rig = with_points(Version::V5, points);
     let table = [
         (3_004, None),
@@ -185,8 +267,13 @@ fn decimals_round_everywhere_and_what_looks_the_same_is_no_news() {
         rig.poll(0, output);
         let acts = rig.acts();
         let (text, number) = expected.unzip();
-        assert_eq!(on(&acts, "drive/pump/frequency/output").as_deref(), text, "{output}");
-        let state = on(&acts, "drive/pump/state").map(|text| serde_json::from_str::<Value>(&text).unwrap());
+        assert_eq!(
+            on(&acts, "drive/pump/frequency/output").as_deref(),
+            text,
+            "{output}"
+        );
+        let state =
+            on(&acts, "drive/pump/state").map(|text| serde_json::from_str::<Value>(&text).unwrap());
         let shown = state.and_then(|state| state["values"]["output_frequency"]["value"].as_f64());
         assert_eq!(shown, number, "{output}");
     }
@@ -196,22 +283,42 @@ fn decimals_round_everywhere_and_what_looks_the_same_is_no_news() {
 fn a_dead_band_holds_for_the_value_in_amperes_too() {
     let mut rig = with_drive(Version::V5, |drive| {
         let mut model = drive.model.as_ref().clone();
-        let register = model.registers.iter_mut().find(|it| it.address == 0x0201).unwrap();
+        let register = model
+            .registers
+            .iter_mut()
+            .find(|it| it.address == 0x0201)
+            .unwrap();
         register.role = Some(Role::OutputCurrent);
         register.unit = UnitOfMeasure::Percent;
         register.scale = 100;
         let called = register.name.clone();
         drive.model = Arc::new(model);
-        drive.ratings = Ratings { current_ma: Some(10_000), voltage_mv: None };
-        drive.points =
-            Points { dead_bands: vec![(called.clone(), 1.0)], decimals: vec![(called, 1)], ..Points::default() };
+        drive.ratings = Ratings {
+            current_ma: Some(10_000),
+            voltage_mv: None,
+        };
+        drive.points = Points {
+            dead_bands: vec![(called.clone(), 1.0)],
+            decimals: vec![(called, 1)],
+            ..Points::default()
+        };
     });
     // 40.00 % of 10 A, and then by how much it changes.
-    for (per_cent, expected) in
-        [(4_099, None), (4_100, Some("4.1")), (4_199, None), (5_004, Some("5.0")), (1, Some("0.1"))]
-    {
+    for (per_cent, expected) in [
+        (4_099, None),
+        (4_100, Some("4.1")),
+        (4_199, None),
+        (5_004, Some("5.0")),
+        (1, Some("0.1")),
+    ] {
         let now = rig.now();
-        rig.views[0].snapshot.take(0x0201_u16.into(), &[per_cent], now);
-        assert_eq!(on(&rig.acts(), "drive/pump/measure/current").as_deref(), expected, "{per_cent}");
+        rig.views[0]
+            .snapshot
+            .take(0x0201_u16.into(), &[per_cent], now);
+        assert_eq!(
+            on(&rig.acts(), "drive/pump/measure/current").as_deref(),
+            expected,
+            "{per_cent}"
+        );
     }
 }

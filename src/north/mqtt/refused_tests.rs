@@ -9,7 +9,11 @@ use crate::north::broker::{Event, Refusal, Version};
 fn rig(count: u64) -> (Rig, Vec<Act>) {
     let mut rig = Rig::born(Version::V5);
     let drive = drives().swap_remove(0).name;
-    let event = |seq: u64| StoredEvent { seq, drive: drive.clone(), body: seq.to_string() };
+    let event = |seq: u64| StoredEvent {
+        seq,
+        drive: drive.clone(),
+        body: seq.to_string(),
+    };
     let events: Vec<_> = (1..=count).map(event).collect();
     rig.session.stored_events(rig.at(), &events, false);
     let acts = rig.acts();
@@ -18,8 +22,16 @@ fn rig(count: u64) -> (Rig, Vec<Act>) {
 
 /// Numbers and tokens of the events that are published.
 fn events(acts: &[Act]) -> Vec<(u64, u64)> {
-    let all = publications(acts).into_iter().filter(|it| it.topic.ends_with("/trip/event"));
-    all.map(|it| (String::from_utf8_lossy(&it.payload).parse().unwrap(), it.token.unwrap())).collect()
+    let all = publications(acts)
+        .into_iter()
+        .filter(|it| it.topic.ends_with("/trip/event"));
+    all.map(|it| {
+        (
+            String::from_utf8_lossy(&it.payload).parse().unwrap(),
+            it.token.unwrap(),
+        )
+    })
+    .collect()
 }
 
 fn numbers(acts: &[Act]) -> Vec<u64> {
@@ -27,7 +39,15 @@ fn numbers(acts: &[Act]) -> Vec<u64> {
 }
 
 fn taken(acts: &[Act]) -> Vec<u64> {
-    acts.iter().filter_map(|act| if let Act::EventTaken(seq) = act { Some(*seq) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| {
+            if let Act::EventTaken(seq) = act {
+                Some(*seq)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
 #[test]
@@ -39,7 +59,11 @@ fn events_that_are_never_taken_do_not_stand_in_the_way() {
         rig.handle(Event::Refused(token, Refusal::Never));
     }
     let acts = rig.acts();
-    assert_eq!(taken(&acts), (1..=16).collect::<Vec<_>>(), "they stay in the journal and are not offered again");
+    assert_eq!(
+        taken(&acts),
+        (1..=16).collect::<Vec<_>>(),
+        "they stay in the journal and are not offered again"
+    );
     assert_eq!(numbers(&acts), (17..=32).collect::<Vec<_>>());
     let counters = rig.session.counters();
     assert_eq!((counters.events_refused, counters.events_waiting), (16, 24));
@@ -67,11 +91,18 @@ fn a_full_broker_is_asked_again_and_nothing_is_lost() {
             break;
         }
         all.extend(more.iter().map(|(number, _)| *number));
-        more.iter().for_each(|(_, token)| rig.handle(Event::Acknowledged(*token)));
+        more.iter()
+            .for_each(|(_, token)| rig.handle(Event::Acknowledged(*token)));
         acts = rig.acts();
     }
     assert_eq!(all, (1..=40).collect::<Vec<_>>(), "in order");
-    assert_eq!((rig.session.counters().events_refused, rig.session.counters().events_waiting), (0, 0));
+    assert_eq!(
+        (
+            rig.session.counters().events_refused,
+            rig.session.counters().events_waiting
+        ),
+        (0, 0)
+    );
 }
 
 #[test]
@@ -102,12 +133,19 @@ fn a_new_connection_is_offered_everything_at_once() {
     rig.handle(Event::Lost);
     assert_eq!(numbers(&rig.connect()), [1, 2, 3]);
     rig.handle(Event::Refused(7 | (1 << 62), Refusal::Never));
-    assert_eq!(rig.session.counters().events_refused, 0, "it was not in flight");
+    assert_eq!(
+        rig.session.counters().events_refused,
+        0,
+        "it was not in flight"
+    );
 }
 
 #[test]
 fn history_that_is_not_taken_is_counted_as_dropped() {
-    let mut rig = Rig::with(Settings { keep_telemetry: 10, ..settings(Version::V5) });
+    let mut rig = Rig::with(Settings {
+        keep_telemetry: 10,
+        ..settings(Version::V5)
+    });
     rig.poll(0, 3_000);
     rig.connect();
     rig.handle(Event::Lost);
@@ -115,7 +153,16 @@ fn history_that_is_not_taken_is_counted_as_dropped() {
     rig.poll(0, 3_500);
     rig.acts();
     let acts = rig.connect();
-    let told = publications(&acts).into_iter().find(|it| it.topic.ends_with("/history")).unwrap();
+    let told = publications(&acts)
+        .into_iter()
+        .find(|it| it.topic.ends_with("/history"))
+        .unwrap();
     rig.handle(Event::Refused(told.token.unwrap(), Refusal::Never));
-    assert_eq!((rig.session.counters().history_dropped, rig.session.counters().history_waiting), (1, 0));
+    assert_eq!(
+        (
+            rig.session.counters().history_dropped,
+            rig.session.counters().history_waiting
+        ),
+        (1, 0)
+    );
 }

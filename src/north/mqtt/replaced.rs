@@ -17,8 +17,11 @@ impl Session {
     /// longer have an answer. Topics of what was removed are cleared.
     pub fn replace(&mut self, at: Moment, drives: Vec<DriveDescription>, lines: Vec<Name>) {
         self.clock.see(at);
-        let goes_on =
-            |old: &DriveDescription| drives.iter().position(|it| it.place == old.place && it.name == old.name);
+        let goes_on = |old: &DriveDescription| {
+            drives
+                .iter()
+                .position(|it| it.place == old.place && it.name == old.name)
+        };
         let moved: Vec<_> = self.drives.iter().map(goes_on).collect();
         while let Some((pending, report)) = self.commands.take_gone(&moved) {
             self.end(at, &pending, report);
@@ -37,13 +40,20 @@ impl Session {
             })
             .collect();
         let started = self.clock.text(self.started);
-        self.telemetry.replace(&self.settings, &self.topics, (&self.drives, &drives), &lines, &started);
+        self.telemetry.replace(
+            &self.settings,
+            &self.topics,
+            (&self.drives, &drives),
+            &lines,
+            &started,
+        );
         let old = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
         let new = Plant::of(&self.settings, &self.topics, &lines, &drives);
         if let (Some(old), Some(new)) = (old, new) {
             self.discovery.replace(&old, &new);
         }
-        self.half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
+        self.half
+            .replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         self.drives = drives;
         self.lines = lines;
         self.speak(at.mono);

@@ -47,20 +47,32 @@ impl ResultContent<'_> {
             "final": self.is_final,
             "at": self.at,
         });
-        let own_words = Some(self.report.reason).filter(|reason| *reason != Reason::None).map(Reason::text);
+        let own_words = Some(self.report.reason)
+            .filter(|reason| *reason != Reason::None)
+            .map(Reason::text);
         let mut add = |key: &str, value: Option<Value>| {
             if let (Some(object), Some(value)) = (result.as_object_mut(), value) {
                 object.insert(key.to_owned(), value);
             }
         };
         add("message", self.message.or(own_words).map(Value::from));
-        let named = if let Owner::MqttBy(name) = self.by { Some(name.as_str().into()) } else { None };
+        let named = if let Owner::MqttBy(name) = self.by {
+            Some(name.as_str().into())
+        } else {
+            None
+        };
         add("by", named);
-        add("owner", self.report.holder.map(|owner| owner.to_string().into()));
+        add(
+            "owner",
+            self.report.holder.map(|owner| owner.to_string().into()),
+        );
         add("held", self.report.held.map(Value::from));
         add("exception", self.report.exception.map(Value::from));
         add("repeat", self.is_repeat.then_some(Value::Bool(true)));
-        add("values", (!self.values.is_empty()).then_some(Value::Object(self.values)));
+        add(
+            "values",
+            (!self.values.is_empty()).then_some(Value::Object(self.values)),
+        );
         result.to_string().into_bytes()
     }
 }
@@ -73,9 +85,20 @@ pub(super) struct Results {
 
 impl Results {
     /// Adds a result for `topic`, and for the requester's own topic. Returns how many older ones were dropped.
-    pub(super) fn tell(&mut self, topic: String, reply: Option<&Reply>, told: ResultContent<'_>) -> u64 {
+    pub(super) fn tell(
+        &mut self,
+        topic: String,
+        reply: Option<&Reply>,
+        told: ResultContent<'_>,
+    ) -> u64 {
         let payload = told.payload();
-        let response = reply.map(|reply| publication(reply.topic.clone(), payload.clone(), reply.correlation.clone()));
+        let response = reply.map(|reply| {
+            publication(
+                reply.topic.clone(),
+                payload.clone(),
+                reply.correlation.clone(),
+            )
+        });
         self.waiting.push_back(publication(topic, payload, None));
         self.waiting.extend(response);
         let surplus = self.waiting.len().saturating_sub(WAITING_MAX);
@@ -89,22 +112,42 @@ impl Results {
 }
 
 const fn publication(topic: String, payload: Vec<u8>, correlation: Option<Vec<u8>>) -> Publication {
-    Publication { topic, payload, retain: false, qos: Qos::AtMostOnce, expiry: None, correlation, token: None }
+    Publication {
+        topic,
+        payload,
+        retain: false,
+        qos: Qos::AtMostOnce,
+        expiry: None,
+        correlation,
+        token: None,
+    }
 }
 
 /// The values that `report` on `order` proves the drive to hold: the commanded ones if they were read back, or what the
 /// drive kept if it is clear which register is concerned.
 pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<String, Value> {
-    let Order::Go(go) = order else { return Map::new() };
+    let Order::Go(go) = order else {
+        return Map::new();
+    };
     let is_confirmed = report.outcome == Outcome::Confirmed;
-    let registers: Vec<_> = go.registers().iter().map(|it| (model.writable_at(it.address), *it)).collect();
+    let registers: Vec<_> = go
+        .registers()
+        .iter()
+        .map(|it| (model.writable_at(it.address), *it))
+        .collect();
     if is_confirmed {
-        let frequency = go.frequency().map(|hertz| ("frequency_hz".to_owned(), json!(hertz.as_f64())));
-        let registers = registers.iter().filter_map(|(register, write)| named_as_written((*register)?, *write));
+        let frequency = go
+            .frequency()
+            .map(|hertz| ("frequency_hz".to_owned(), json!(hertz.as_f64())));
+        let registers = registers
+            .iter()
+            .filter_map(|(register, write)| named_as_written((*register)?, *write));
         return frequency.into_iter().chain(registers).collect();
     }
     let kept = match (report.held, go.frequency(), go.run(), &registers[..]) {
-        (Some(held), None, None, [(Some(register), write)]) if write.second.is_none() => Some(named(register, held)),
+        (Some(held), None, None, [(Some(register), write)]) if write.second.is_none() => {
+            Some(named(register, held))
+        }
         (Some(held), Some(_), None, []) => kept_frequency(model, held),
         _ => None,
     };
@@ -113,8 +156,13 @@ pub(super) fn values(model: &Model, order: &Order, report: &Report) -> Map<Strin
 
 fn kept_frequency(model: &Model, held: u16) -> Option<(String, Value)> {
     // A fraction means nothing without its full scale.
-    let register = model.register_for(Role::FrequencyCommand).filter(|register| register.is_exact())?;
-    Some(("frequency_hz".to_owned(), json!(Scaled::from_word(held, register).value())))
+    let register = model
+        .register_for(Role::FrequencyCommand)
+        .filter(|register| register.is_exact())?;
+    Some((
+        "frequency_hz".to_owned(),
+        json!(Scaled::from_word(held, register).value()),
+    ))
 }
 
 /// The value that was written to a register, under its label.
@@ -122,13 +170,21 @@ fn named_as_written(register: &Register, write: RegisterWrite) -> Option<(String
     if write.second.is_none() {
         return Some(named(register, write.value));
     }
-    let value = register.value(|address| write.words().find(|(it, _)| *it == address).map(|(_, word)| word))?;
+    let value = register.value(|address| {
+        write
+            .words()
+            .find(|(it, _)| *it == address)
+            .map(|(_, word)| word)
+    })?;
     Some((label(register).to_owned(), json!(value.value())))
 }
 
 /// A register's value under its label.
 pub(super) fn named(register: &Register, word: u16) -> (String, Value) {
-    (label(register).to_owned(), json!(Scaled::from_word(word, register).value()))
+    (
+        label(register).to_owned(),
+        json!(Scaled::from_word(word, register).value()),
+    )
 }
 
 #[cfg(test)]
@@ -137,12 +193,25 @@ mod tests {
     use crate::domain::ids::CommanderName;
 
     fn told(id: &Value) -> ResultContent<'_> {
-        let report = Report { held: Some(7), ..Report::new(Outcome::Failed, Reason::KeptOldValue) };
+        let report = Report {
+            held: Some(7),
+            ..Report::new(Outcome::Failed, Reason::KeptOldValue)
+        };
         let message = None;
         let values = Map::new();
         let at = "now".into();
         let by = Owner::Mqtt;
-        ResultContent { id, drive: "pump", by, report, is_final: true, is_repeat: false, message, values, at }
+        ResultContent {
+            id,
+            drive: "pump",
+            by,
+            report,
+            is_final: true,
+            is_repeat: false,
+            message,
+            values,
+            at,
+        }
     }
 
     #[test]
@@ -158,18 +227,32 @@ mod tests {
         let id = json!(1);
         let by = name("a");
         let report = Report::held_by(name("b"));
-        let told = ResultContent { by, report, ..told(&id) };
+        let told = ResultContent {
+            by,
+            report,
+            ..told(&id)
+        };
         let result: Value = serde_json::from_slice(&told.payload()).unwrap();
-        assert_eq!((&result["by"], &result["owner"]), (&json!("a"), &json!("mqtt b")));
+        assert_eq!(
+            (&result["by"], &result["owner"]),
+            (&json!("a"), &json!("mqtt b"))
+        );
     }
 
     #[test]
     fn the_oldest_results_give_way() {
         let mut results = Results::default();
         let ids: Vec<_> = (0..70).map(|number| json!(number)).collect();
-        let dropped: u64 = ids.iter().map(|id| results.tell("t".into(), None, told(id))).sum();
+        let dropped: u64 = ids
+            .iter()
+            .map(|id| results.tell("t".into(), None, told(id)))
+            .sum();
         assert_eq!(dropped, 6);
-        assert!(String::from_utf8(results.next().unwrap().payload).unwrap().contains("\"id\":6,"));
+        assert!(
+            String::from_utf8(results.next().unwrap().payload)
+                .unwrap()
+                .contains("\"id\":6,")
+        );
         assert_eq!(std::iter::from_fn(|| results.next()).count(), 63);
     }
 }

@@ -19,7 +19,8 @@ use crate::drive::description::{DriveDescription, DriveRef};
 use crate::drive::view::{DriveView, TripEvent};
 use crate::journal::trip;
 use crate::north::broker::{
-    Broker, Commands, Event, Filter, Issued, LineState, OversizedTopics, Path, Publication, Qos, Refusal,
+    Broker, Commands, Event, Filter, Issued, LineState, OversizedTopics, Path, Publication, Qos,
+    Refusal,
 };
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
@@ -88,12 +89,22 @@ impl Session {
     ) -> Self {
         let topics = Topics::new(&settings);
         let clock = Clock::new(started);
-        let half = settings.standby.as_ref().map(|pair| format!("-{}", pair.half)).unwrap_or_default();
+        let half = settings
+            .standby
+            .as_ref()
+            .map(|pair| format!("-{}", pair.half))
+            .unwrap_or_default();
         let run = format!("{}{half}", started.wall.unix_ms);
         let mut half = Half::new(settings.standby.clone(), &topics);
         half.replace(&lines, drives.iter().map(|drive| drive.line.clone()));
         let mut session = Self {
-            telemetry: Telemetry::new(&settings, &topics, &drives, &lines, &clock.text(started.mono)),
+            telemetry: Telemetry::new(
+                &settings,
+                &topics,
+                &drives,
+                &lines,
+                &clock.text(started.mono),
+            ),
             path: Path::new(probe_key, settings.probe_interval, settings.probe_timeout),
             seen: drives.iter().map(|_| CommandIds::default()).collect(),
             broker: Broker::default(),
@@ -156,8 +167,14 @@ impl Session {
         let is_whole = granted.len() == filters.len();
         // The other grants are not needed. Without the alive topic the probe alone shows whether the path is open.
         let is_needed = |filter: &Filter| !filter.wants_retained;
-        let is_granted = is_whole && filters.iter().zip(granted).all(|(it, granted)| *granted || !is_needed(it));
-        let alive = filters.iter().position(|it| Some(it.path.as_str()) == self.settings.alive_topic.as_deref());
+        let is_granted = is_whole
+            && filters
+                .iter()
+                .zip(granted)
+                .all(|(it, granted)| *granted || !is_needed(it));
+        let alive = filters
+            .iter()
+            .position(|it| Some(it.path.as_str()) == self.settings.alive_topic.as_deref());
         let is_alive_refused = alive.and_then(|place| granted.get(place)) == Some(&false);
         self.counters.alive_refused = u64::from(is_whole && is_alive_refused && is_granted);
         if self.path.subscribed(at.mono, is_granted) {
@@ -180,8 +197,12 @@ impl Session {
         let number = token & !(STORED | HISTORY);
         let counters = &mut self.counters;
         match token & (STORED | HISTORY) {
-            STORED => counters.events_refused += u64::from(self.stored.refused(at, number, refusal)),
-            HISTORY => counters.history_dropped += u64::from(self.history.refused(at, number, refusal)),
+            STORED => {
+                counters.events_refused += u64::from(self.stored.refused(at, number, refusal))
+            }
+            HISTORY => {
+                counters.history_dropped += u64::from(self.history.refused(at, number, refusal))
+            }
             _ => counters.events_refused += u64::from(self.events.refused(at, number, refusal)),
         }
         self.count_events();
@@ -208,10 +229,16 @@ impl Session {
     /// ignored.
     pub fn trip(&mut self, at: Moment, place: DriveRef, event: &TripEvent) {
         self.clock.see(at);
-        let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else { return };
+        let Some(drive) = self.drives.iter().find(|drive| drive.place == place) else {
+            return;
+        };
         let mut body = trip::event(drive, &|at| self.clock.text(at), event);
         body.insert("session".to_owned(), self.run.as_str().into());
-        let mark = self.half.pair().map(|_| Mark::of(drive.name.as_str(), &body)).unwrap_or_default();
+        let mark = self
+            .half
+            .pair()
+            .map(|_| Mark::of(drive.name.as_str(), &body))
+            .unwrap_or_default();
         if self.told.take(at.mono, &mark) {
             return;
         }
@@ -243,21 +270,36 @@ impl Session {
         let half = open(self.half.wake(self.settings.heartbeat));
         let discovery = open(self.discovery.wake());
         let told = [telemetry, history, events, stored, half, discovery];
-        [self.path.wake(), self.commands.wake()].into_iter().chain(told).flatten().min()
+        [self.path.wake(), self.commands.wake()]
+            .into_iter()
+            .chain(told)
+            .flatten()
+            .min()
     }
 
     /// The next item for the lines: commands, reads, and the state of the path from the clients; after them attempts to
     /// be kept. It needs no room on the connection, so that a stop never waits for one.
     pub fn next_inward(&mut self) -> Option<Act> {
-        let attempt = |commands: &mut Commands<_>| commands.next_attempt().map(|(drive, it)| Act::Keep(drive, it));
+        let attempt = |commands: &mut Commands<_>| {
+            commands
+                .next_attempt()
+                .map(|(drive, it)| Act::Keep(drive, it))
+        };
         let to_line = self.commands.next_to_line().map(Act::ToLine);
-        to_line.or_else(|| attempt(&mut self.commands)).or_else(|| self.stored.next_act())
+        to_line
+            .or_else(|| attempt(&mut self.commands))
+            .or_else(|| self.stored.next_act())
     }
 
     /// The next act. `views` are in the order of the drives, `lines` in the order of the lines given to
     /// [`new`](Self::new). What is returned counts as done, except events with a token, which are sent again after a
     /// reconnect until they are acknowledged.
-    pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
+    pub fn next_act(
+        &mut self,
+        at: Moment,
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Act> {
         if let Some(act) = self.next_inward() {
             return Some(act);
         }
@@ -285,16 +327,28 @@ impl Session {
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
         if !self.path.is_open() && self.history.is_on() {
             let now = (at, self.clock);
-            let dropped = self.telemetry.record(now, &self.drives, views, &mut self.history);
+            let dropped = self
+                .telemetry
+                .record(now, &self.drives, views, &mut self.history);
             self.counters.history_dropped += dropped;
             self.count_events();
         }
     }
 
-    fn next_publication(&mut self, at: MonoTime, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Publication> {
+    fn next_publication(
+        &mut self,
+        at: MonoTime,
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Publication> {
         if let Some(payload) = self.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
-            return Some(passing(self.topics.gateway("probe"), payload, Qos::AtLeastOnce, None));
+            return Some(passing(
+                self.topics.gateway("probe"),
+                payload,
+                Qos::AtLeastOnce,
+                None,
+            ));
         }
         if !self.path.is_granted() {
             return None;
@@ -311,19 +365,36 @@ impl Session {
         if let Some(publication) = self.next_of_standby(at) {
             return Some(publication);
         }
-        if let Some(publication) = self.telemetry.next(at, self.clock, &self.drives, views, lines) {
+        if let Some(publication) = self
+            .telemetry
+            .next(at, self.clock, &self.drives, views, lines)
+        {
             return Some(publication);
         }
-        if let Some((topic, payload, number)) = self.history.next(at, &self.topics, self.clock, &self.drives) {
-            return Some(passing(topic, payload, Qos::AtLeastOnce, Some(HISTORY | number)));
+        if let Some((topic, payload, number)) =
+            self.history
+                .next(at, &self.topics, self.clock, &self.drives)
+        {
+            return Some(passing(
+                topic,
+                payload,
+                Qos::AtLeastOnce,
+                Some(HISTORY | number),
+            ));
         }
         let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives)?;
         let (publication, number) = self.discovery.next(at, &plant)?;
-        Some(Publication { token: Some(DISCOVERY | number), ..publication })
+        Some(Publication {
+            token: Some(DISCOVERY | number),
+            ..publication
+        })
     }
 
     fn next_event(&mut self, at: MonoTime) -> Option<Publication> {
-        let (mut events, mut stored) = (std::mem::take(&mut self.events), std::mem::take(&mut self.stored));
+        let (mut events, mut stored) = (
+            std::mem::take(&mut self.events),
+            std::mem::take(&mut self.stored),
+        );
         let event = events.next(at, |mark| self.may_tell(at, mark));
         let event = event.or_else(|| {
             let (topic, payload, seq) = stored.next(at, |mark| self.may_tell(at, mark))?;
@@ -336,7 +407,11 @@ impl Session {
     /// What is subscribed.
     fn filters(&self) -> Vec<Filter> {
         let plant = Plant::of(&self.settings, &self.topics, &self.lines, &self.drives);
-        self.topics.filters().into_iter().chain(plant.into_iter().flat_map(|it| it.subscriptions())).collect()
+        self.topics
+            .filters()
+            .into_iter()
+            .chain(plant.into_iter().flat_map(|it| it.subscriptions()))
+            .collect()
     }
 
     /// What is still to be published on an orderly end.
@@ -345,8 +420,14 @@ impl Session {
         let all = if self.half.pair().is_some() {
             self.farewell_as_half(at.mono)
         } else {
-            let drives = self.drives.iter().map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
-            drives.chain([self.topics.gateway("status")]).map(goodbye).collect()
+            let drives = self
+                .drives
+                .iter()
+                .map(|drive| self.topics.drive(drive.name.as_str(), "availability"));
+            drives
+                .chain([self.topics.gateway("status")])
+                .map(goodbye)
+                .collect()
         };
         all.into_iter().filter_map(|it| self.admitted(it)).collect()
     }
@@ -361,18 +442,39 @@ impl Session {
     /// The counters so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        let (attempts_lost, partner_online) = (self.commands.attempts_lost(), self.is_partner_online());
-        Counters { attempts_lost, partner_online, ..self.counters }
+        let (attempts_lost, partner_online) =
+            (self.commands.attempts_lost(), self.is_partner_online());
+        Counters {
+            attempts_lost,
+            partner_online,
+            ..self.counters
+        }
     }
 }
 
 /// A publication that the broker does not retain.
 const fn passing(topic: String, payload: Vec<u8>, qos: Qos, token: Option<u64>) -> Publication {
-    Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token }
+    Publication {
+        topic,
+        payload,
+        retain: false,
+        qos,
+        expiry: None,
+        correlation: None,
+        token,
+    }
 }
 
 pub(super) fn goodbye(topic: String) -> Publication {
     let payload = b"offline".to_vec();
     let qos = Qos::AtLeastOnce;
-    Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None }
+    Publication {
+        topic,
+        payload,
+        retain: true,
+        qos,
+        expiry: None,
+        correlation: None,
+        token: None,
+    }
 }

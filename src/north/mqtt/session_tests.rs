@@ -15,7 +15,8 @@ fn topics(acts: &[Act]) -> Vec<String> {
 }
 
 fn has_probe(acts: &[Act]) -> bool {
-    acts.iter().any(|act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain))
+    acts.iter()
+        .any(|act| matches!(act, Act::Publish(it) if it.topic == "vfd/plant/probe" && !it.retain))
 }
 
 fn subscribe(rig: &mut Rig) -> usize {
@@ -38,13 +39,18 @@ fn nothing_is_said_before_the_subscription_and_the_probe() {
     assert_eq!(acts[0], Act::ToLine(ToLine::PathOpened));
     assert!(acts.len() == 2 && has_probe(&acts));
     assert!(!rig.session.is_path_alive(rig.at()));
-    let Act::Publish(Publication { payload, .. }) = &acts[1] else { panic!() };
+    let Act::Publish(Publication { payload, .. }) = &acts[1] else {
+        panic!()
+    };
     rig.handle(Event::Message(message("vfd/plant/probe", payload)));
     let acts = rig.acts_without_echo();
     assert_eq!(acts[0], Act::ToLine(ToLine::PathAlive));
     assert!(rig.session.is_path_alive(rig.at()));
     let topics = topics(&acts);
-    assert_eq!((topics[0].as_str(), topics[topics.len() - 1].as_str()), ("info", "status"));
+    assert_eq!(
+        (topics[0].as_str(), topics[topics.len() - 1].as_str()),
+        ("info", "status")
+    );
 }
 
 #[test]
@@ -85,13 +91,21 @@ fn a_birth_says_everything_once_and_online_last() {
 
 #[test]
 fn only_version_5_lets_telemetry_expire() {
-    for (version, expected) in [(Version::V5, Some(Duration::from_secs(180))), (Version::V4, None)] {
+    for (version, expected) in [
+        (Version::V5, Some(Duration::from_secs(180))),
+        (Version::V4, None),
+    ] {
         let mut rig = Rig::new(version);
         rig.poll(0, 3_000);
         let acts = rig.connect();
         for it in publications(&acts) {
             let is_lasting = it.payload.is_empty() || it.topic.ends_with("/info");
-            assert_eq!(it.expiry, if is_lasting { None } else { expected }, "{}", it.topic);
+            assert_eq!(
+                it.expiry,
+                if is_lasting { None } else { expected },
+                "{}",
+                it.topic
+            );
         }
     }
 }
@@ -101,17 +115,33 @@ fn filters_are_narrow_and_catch_nothing_of_ours() {
     let mut rig = Rig::new(Version::V5);
     rig.poll(0, 3_000);
     let acts = rig.connect();
-    let Act::Subscribe(filters) = &acts[0] else { panic!() };
+    let Act::Subscribe(filters) = &acts[0] else {
+        panic!()
+    };
     assert!(filters.iter().all(|filter| !filter.path.contains('#')));
-    let retained: Vec<_> = filters.iter().filter(|filter| filter.wants_retained).map(|it| it.path.as_str()).collect();
+    let retained: Vec<_> = filters
+        .iter()
+        .filter(|filter| filter.wants_retained)
+        .map(|it| it.path.as_str())
+        .collect();
     assert_eq!(retained, ["home/status"]);
     let matches = |filter: &str, topic: &str| {
-        let (filter, topic): (Vec<_>, Vec<_>) = (filter.split('/').collect(), topic.split('/').collect());
+        let (filter, topic): (Vec<_>, Vec<_>) =
+            (filter.split('/').collect(), topic.split('/').collect());
         filter.len() == topic.len()
-            && filter.iter().zip(&topic).all(|(filter, level)| *filter == "+" || filter == level)
+            && filter
+                .iter()
+                .zip(&topic)
+                .all(|(filter, level)| *filter == "+" || filter == level)
     };
     for it in publications(&acts) {
-        assert!(!filters.iter().any(|filter| matches(&filter.path, &it.topic)), "{}", it.topic);
+        assert!(
+            !filters
+                .iter()
+                .any(|filter| matches(&filter.path, &it.topic)),
+            "{}",
+            it.topic
+        );
     }
 }
 
@@ -123,7 +153,13 @@ fn an_alive_topic_that_is_not_granted_is_done_without() {
     granted[filters - 1] = false;
     rig.handle(Event::Subscribed(granted));
     assert!(has_probe(&rig.acts_without_echo()));
-    assert_eq!((rig.session.counters().alive_refused, rig.session.counters().reconnects), (1, 0));
+    assert_eq!(
+        (
+            rig.session.counters().alive_refused,
+            rig.session.counters().reconnects
+        ),
+        (1, 0)
+    );
 }
 
 #[test]
@@ -143,7 +179,11 @@ fn a_filter_that_is_not_granted_asks_for_a_new_connection() {
 #[test]
 fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
     let mut rig = Rig::born(Version::V5);
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
+    let alive = |acts: &[Act]| {
+        acts.iter()
+            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .count()
+    };
     let acts = rig.pass(20_000);
     assert_eq!(alive(&acts), 4, "one for each probe");
     // The next probe is due 5 s later and does not return.
@@ -157,32 +197,61 @@ fn a_lost_probe_ends_the_connection_and_the_heartbeats() {
         acts.extend(rig.acts_without_echo());
     }
     assert_eq!(alive(&acts), 0);
-    assert_eq!(acts.iter().filter(|act| matches!(act, Act::Reconnect(_))).count(), 1);
+    assert_eq!(
+        acts.iter()
+            .filter(|act| matches!(act, Act::Reconnect(_)))
+            .count(),
+        1
+    );
     assert!(!rig.session.is_path_alive(rig.at()));
     assert_eq!(rig.session.counters().probes_lost, 1);
     let acts = rig.connect();
-    assert_eq!(on(&acts, "status").as_deref(), Some("online"), "a new birth");
-    assert_eq!((alive(&acts), on(&acts, "drive/pump/run/state").is_some()), (0, true));
+    assert_eq!(
+        on(&acts, "status").as_deref(),
+        Some("online"),
+        "a new birth"
+    );
+    assert_eq!(
+        (alive(&acts), on(&acts, "drive/pump/run/state").is_some()),
+        (0, true)
+    );
     assert_eq!(alive(&rig.pass(5_000)), 1, "when the way has stayed open");
 }
 
 #[test]
 fn commanders_that_are_gone_give_no_sign_of_life() {
     let mut rig = Rig::born(Version::V5);
-    for (payload, expected) in [(&b" Offline"[..], false), (b"online", true), (b"offline", false), (b"", true)] {
+    for (payload, expected) in [
+        (&b" Offline"[..], false),
+        (b"online", true),
+        (b"offline", false),
+        (b"", true),
+    ] {
         rig.deliver(&message("home/status", payload));
-        assert_eq!(rig.pass(5_000).contains(&Act::ToLine(ToLine::PathAlive)), expected);
+        assert_eq!(
+            rig.pass(5_000).contains(&Act::ToLine(ToLine::PathAlive)),
+            expected
+        );
     }
     rig.deliver(&message("home/status", b"offline"));
     rig.handle(Event::Lost);
-    assert!(!rig.connect().contains(&Act::ToLine(ToLine::PathAlive)), "until the alive topic says otherwise");
+    assert!(
+        !rig.connect().contains(&Act::ToLine(ToLine::PathAlive)),
+        "until the alive topic says otherwise"
+    );
 }
 
 #[test]
 fn explicit_leases_live_on_commands_only() {
-    let mut rig = Rig::with(super::types::Settings { lease: LeaseMode::Explicit, ..settings(Version::V5) });
+    let mut rig = Rig::with(super::types::Settings {
+        lease: LeaseMode::Explicit,
+        ..settings(Version::V5)
+    });
     let acts = rig.connect();
-    assert!(acts.contains(&Act::ToLine(ToLine::PathOpened)) && !acts.contains(&Act::ToLine(ToLine::PathAlive)));
+    assert!(
+        acts.contains(&Act::ToLine(ToLine::PathOpened))
+            && !acts.contains(&Act::ToLine(ToLine::PathAlive))
+    );
     assert!(!rig.pass(30_000).contains(&Act::ToLine(ToLine::PathAlive)));
 }
 
@@ -192,13 +261,19 @@ fn retained_or_foreign_probes_prove_nothing() {
     let filters = subscribe(&mut rig);
     rig.handle(Event::Subscribed(vec![true; filters]));
     let acts = rig.acts_without_echo();
-    let Some(Act::Publish(probe)) = acts.last() else { panic!() };
+    let Some(Act::Publish(probe)) = acts.last() else {
+        panic!()
+    };
     rig.handle(Event::Message(crate::north::broker::Message {
         retain: true,
         ..message("vfd/plant/probe", &probe.payload)
     }));
     let text = String::from_utf8(probe.payload.clone()).unwrap();
-    let guessed = [format!("{}-1", rig.at().wall.unix_ms), text.replacen('1', "2", 1), text.replace('-', "")];
+    let guessed = [
+        format!("{}-1", rig.at().wall.unix_ms),
+        text.replacen('1', "2", 1),
+        text.replace('-', ""),
+    ];
     for payload in guessed.iter().map(String::as_bytes) {
         rig.handle(Event::Message(message("vfd/plant/probe", payload)));
     }
@@ -209,30 +284,61 @@ fn retained_or_foreign_probes_prove_nothing() {
 fn will_and_farewell_say_offline() {
     let mut rig = Rig::born(Version::V5);
     let will = rig.session.will();
-    assert_eq!((will.topic.as_str(), &will.payload[..]), ("vfd/plant/status", &b"offline"[..]));
+    assert_eq!(
+        (will.topic.as_str(), &will.payload[..]),
+        ("vfd/plant/status", &b"offline"[..])
+    );
     assert!(will.retain && will.qos == Qos::AtLeastOnce);
-    let farewell: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();
-    let expected = ["drive/pump/availability", "drive/fan/availability", "status"];
-    assert_eq!(told(&farewell), expected.map(|topic| (topic.to_owned(), "offline".to_owned())));
+    let farewell: Vec<_> = rig
+        .session
+        .farewell(rig.at())
+        .into_iter()
+        .map(Act::Publish)
+        .collect();
+    let expected = [
+        "drive/pump/availability",
+        "drive/fan/availability",
+        "status",
+    ];
+    assert_eq!(
+        told(&farewell),
+        expected.map(|topic| (topic.to_owned(), "offline".to_owned()))
+    );
 }
 
 fn trip(rig: &mut Rig, trips: u16) {
     let record = TripRecord {
         at: rig.now(),
         code: Some(9),
-        words: vec![(0x0113_u16.into(), 9), (0x0115_u16.into(), 123), (0x0999_u16.into(), 1)],
+        words: vec![
+            (0x0113_u16.into(), 9),
+            (0x0115_u16.into(), 123),
+            (0x0999_u16.into(), 1),
+        ],
     };
-    let event =
-        TripEvent { kind: TripEventKind::Tripped { trips, record }, count: Some(3), at: rig.now(), while_away: false };
-    let place = DriveRef { line: 0, drive: DriveIndex(0) };
+    let event = TripEvent {
+        kind: TripEventKind::Tripped { trips, record },
+        count: Some(3),
+        at: rig.now(),
+        while_away: false,
+    };
+    let place = DriveRef {
+        line: 0,
+        drive: DriveIndex(0),
+    };
     rig.session.trip(rig.at(), place, &event);
 }
 
 fn events(acts: &[Act]) -> Vec<(u64, Value)> {
-    let events = publications(acts).into_iter().filter(|it| it.topic.ends_with("trip/event"));
+    let events = publications(acts)
+        .into_iter()
+        .filter(|it| it.topic.ends_with("trip/event"));
     let parts = |it: &Publication| {
         assert!(!it.retain && it.qos == Qos::AtLeastOnce);
-        (it.token.expect("a token"), serde_json::from_slice(&it.payload).expect("JSON"))
+        (
+            it.token.expect("a token"),
+            serde_json::from_slice(&it.payload).expect("JSON"),
+        )
     };
     events.map(parts).collect()
 }
@@ -241,9 +347,28 @@ fn events(acts: &[Act]) -> Vec<(u64, Value)> {
 fn an_event_says_what_was_measured() {
     let mut rig = Rig::born(Version::V5);
     trip(&mut rig, 2);
-    let cleared = TripEvent { kind: TripEventKind::Cleared, count: None, at: rig.now(), while_away: false };
-    rig.session.trip(rig.at(), DriveRef { line: 0, drive: DriveIndex(0) }, &cleared);
-    rig.session.trip(rig.at(), DriveRef { line: 7, drive: DriveIndex(0) }, &cleared);
+    let cleared = TripEvent {
+        kind: TripEventKind::Cleared,
+        count: None,
+        at: rig.now(),
+        while_away: false,
+    };
+    rig.session.trip(
+        rig.at(),
+        DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
+        &cleared,
+    );
+    rig.session.trip(
+        rig.at(),
+        DriveRef {
+            line: 7,
+            drive: DriveIndex(0),
+        },
+        &cleared,
+    );
     let events = events(&rig.acts());
     let tripped = json!({
         "seq": 1, "session": "1767225600000", "drive": "pump", "kind": "tripped", "trips": 2, "count": 3, "code": 9,
@@ -257,15 +382,27 @@ fn an_event_says_what_was_measured() {
         },
     });
     assert_eq!(events[0].1, tripped);
-    assert_eq!((events.len(), &events[1].1["kind"], &events[1].1["seq"]), (2, &json!("cleared"), &json!(2)));
+    assert_eq!(
+        (events.len(), &events[1].1["kind"], &events[1].1["seq"]),
+        (2, &json!("cleared"), &json!(2))
+    );
 }
 
 #[test]
 fn events_come_in_order_and_again_after_a_reconnect_until_acknowledged() {
     let mut rig = Rig::new(Version::V5);
     (0..20).for_each(|_| trip(&mut rig, 1));
-    let tokens = |acts: &[Act]| events(acts).into_iter().map(|(token, _)| token).collect::<Vec<_>>();
-    assert_eq!(tokens(&rig.connect()), (1..=16).collect::<Vec<_>>(), "no more than 16 in flight");
+    let tokens = |acts: &[Act]| {
+        events(acts)
+            .into_iter()
+            .map(|(token, _)| token)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        tokens(&rig.connect()),
+        (1..=16).collect::<Vec<_>>(),
+        "no more than 16 in flight"
+    );
     rig.handle(Event::Acknowledged(1));
     assert_eq!(tokens(&rig.acts()), [17]);
     assert_eq!(rig.session.counters().events_waiting, 19);
@@ -293,25 +430,43 @@ fn a_full_queue_of_events_counts_and_reports_what_it_lost() {
 #[test]
 fn what_the_broker_does_not_take_is_not_sent() {
     let mut rig = Rig::new(Version::V5);
-    rig.broker = Broker { maximum_packet_bytes: Some(200), retains: true };
+    rig.broker = Broker {
+        maximum_packet_bytes: Some(200),
+        retains: true,
+    };
     trip(&mut rig, 1);
     let acts = rig.connect();
-    assert!(publications(&acts).iter().all(|it| it.topic.len() + it.payload.len() <= 200));
+    assert!(
+        publications(&acts)
+            .iter()
+            .all(|it| it.topic.len() + it.payload.len() <= 200)
+    );
     assert!(on(&acts, "drive/pump/info").is_none() && on(&acts, "status").is_some());
     assert!(rig.session.counters().too_large > 0);
-    assert_eq!(rig.session.counters().events_waiting, 0, "it would never go");
+    assert_eq!(
+        rig.session.counters().events_waiting,
+        0,
+        "it would never go"
+    );
 
     let mut rig = Rig::new(Version::V5);
     rig.broker.retains = false;
     let acts = rig.connect();
-    assert!(publications(&acts).iter().all(|it| !it.retain && !it.payload.is_empty()));
+    assert!(
+        publications(&acts)
+            .iter()
+            .all(|it| !it.retain && !it.payload.is_empty())
+    );
 }
 
 #[test]
 fn results_wait_for_the_connection() {
     let mut rig = Rig::born(Version::V5);
     rig.handle(Event::Lost);
-    assert_eq!(publications(&rig.send("drive/pump/run/set", b"bad")), [] as [&Publication; 0]);
+    assert_eq!(
+        publications(&rig.send("drive/pump/run/set", b"bad")),
+        [] as [&Publication; 0]
+    );
     let acts = rig.connect();
     assert_eq!(results(&acts).len(), 1);
 }
@@ -322,7 +477,11 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
         probe_interval: Duration::from_secs(1),
         ..super::harness::settings(Version::V4)
     });
-    let alive = |acts: &[Act]| acts.iter().filter(|act| **act == Act::ToLine(ToLine::PathAlive)).count();
+    let alive = |acts: &[Act]| {
+        acts.iter()
+            .filter(|act| **act == Act::ToLine(ToLine::PathAlive))
+            .count()
+    };
     assert_eq!(alive(&rig.connect()), 1, "the first connection");
     assert_eq!(alive(&rig.pass(10_000)), 10);
     for lives_ms in [900, 100, 2_900, 4_900, 0] {
@@ -342,20 +501,46 @@ fn a_way_that_is_open_for_moments_only_keeps_no_lease() {
 fn what_is_larger_than_the_broker_takes_is_named_and_no_document_grows_with_the_drives() {
     let mut rig = Rig::new(Version::V4);
     rig.poll(0, 3_000);
-    rig.broker = Broker { maximum_packet_bytes: Some(1_000), retains: true };
+    rig.broker = Broker {
+        maximum_packet_bytes: Some(1_000),
+        retains: true,
+    };
     let acts = rig.connect();
-    for topic in ["info", "drive/pump/info", "line/hall/stats", "drive/pump/availability", "status"] {
+    for topic in [
+        "info",
+        "drive/pump/info",
+        "line/hall/stats",
+        "drive/pump/availability",
+        "status",
+    ] {
         assert!(on(&acts, topic).is_some(), "{topic}");
     }
-    assert!(publications(&acts).iter().all(|it| it.topic.len() + it.payload.len() <= 1_000));
+    assert!(
+        publications(&acts)
+            .iter()
+            .all(|it| it.topic.len() + it.payload.len() <= 1_000)
+    );
     assert_eq!(on(&acts, "drive/pump/state"), None);
-    let named: Vec<_> = rig.session.oversized().iter().map(|it| (it.topic.as_str(), it.limit)).collect();
-    assert_eq!(named, [("vfd/plant/drive/pump/state", 1_000)], "the fan has never answered");
+    let named: Vec<_> = rig
+        .session
+        .oversized()
+        .iter()
+        .map(|it| (it.topic.as_str(), it.limit))
+        .collect();
+    assert_eq!(
+        named,
+        [("vfd/plant/drive/pump/state", 1_000)],
+        "the fan has never answered"
+    );
     assert!(rig.session.oversized().iter().all(|it| it.bytes > 1_000));
     let told = |rig: &mut Rig| std::iter::from_fn(|| rig.session.next_oversized()).count();
     assert_eq!(told(&mut rig), 1);
     rig.pass(130_000);
-    assert_eq!((told(&mut rig), rig.session.oversized().len()), (0, 1), "once");
+    assert_eq!(
+        (told(&mut rig), rig.session.oversized().len()),
+        (0, 1),
+        "once"
+    );
 }
 
 #[test]
@@ -367,9 +552,15 @@ fn clients_that_are_gone_are_named_in_the_result_of_a_run() {
     for (payload, is_named) in [("forward", true), ("stop", false)] {
         let acts = rig.send("drive/pump/run/set", payload.as_bytes());
         let ticket = super::harness::commands(&acts)[0].ticket;
-        let result = &super::harness::results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true))[0];
+        let result =
+            &super::harness::results(&rig.answer(ticket, Outcome::Confirmed, Reason::None, true))
+                [0];
         let said = result["message"].as_str().unwrap_or_default();
-        assert_eq!(said.contains("`home/status` says") && said.contains("lost_after"), is_named, "{result}");
+        assert_eq!(
+            said.contains("`home/status` says") && said.contains("lost_after"),
+            is_named,
+            "{result}"
+        );
     }
     rig.deliver(&message("home/status", b"online"));
     assert_eq!(rig.session.clients_gone(), None);

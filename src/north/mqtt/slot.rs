@@ -23,7 +23,10 @@ pub(super) struct Present {
 impl Present {
     /// The same with a heartbeat of its own, if there is one.
     pub(super) fn beating(self, heartbeat: Option<Duration>) -> Self {
-        Self { heartbeat: heartbeat.unwrap_or(self.heartbeat), ..self }
+        Self {
+            heartbeat: heartbeat.unwrap_or(self.heartbeat),
+            ..self
+        }
     }
 }
 
@@ -49,7 +52,11 @@ pub(super) struct Slot {
 
 impl Slot {
     pub(super) const fn new(topic: String) -> Self {
-        Self { topic, published: None, told: None }
+        Self {
+            topic,
+            published: None,
+            told: None,
+        }
     }
 
     /// `content` if it is to be published now; from then on it counts as published. Words that `differ` does not
@@ -77,7 +84,11 @@ impl Slot {
 
     /// Whether `content` differs from what was last published or kept; from then on it counts as such. The first
     /// content of all is no change, nor is a value becoming unknown.
-    pub(super) fn tell(&mut self, content: &Content, differ: impl Fn(Scaled, Scaled) -> bool) -> bool {
+    pub(super) fn tell(
+        &mut self,
+        content: &Content,
+        differ: impl Fn(Scaled, Scaled) -> bool,
+    ) -> bool {
         let is_new = match (&self.told, content) {
             (_, Content::Cleared) => return false,
             (Some(Content::Value(old)), Content::Value(new)) => differ(*old, *new),
@@ -97,7 +108,10 @@ impl Slot {
 
     /// Whether the topic is not empty.
     pub(super) const fn is_filled(&self) -> bool {
-        matches!(self.published, Some((_, Content::Text(_) | Content::Value(_))))
+        matches!(
+            self.published,
+            Some((_, Content::Text(_) | Content::Value(_)))
+        )
     }
 
     /// When it is published again although unchanged.
@@ -127,5 +141,13 @@ impl Slot {
 /// A retained publication of telemetry.
 pub(super) fn retained(now: &Present, topic: String, payload: Vec<u8>, qos: Qos) -> Publication {
     let expiry = (now.expires && !payload.is_empty()).then(|| now.heartbeat * EXPIRY_HEARTBEATS);
-    Publication { topic, payload, retain: true, qos, expiry, correlation: None, token: None }
+    Publication {
+        topic,
+        payload,
+        retain: true,
+        qos,
+        expiry,
+        correlation: None,
+        token: None,
+    }
 }

@@ -21,7 +21,9 @@ impl Session {
 
     /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
     pub(super) fn is_partner_online(&self) -> Option<bool> {
-        self.half.is_partner_online().filter(|_| self.path.is_open())
+        self.half
+            .is_partner_online()
+            .filter(|_| self.path.is_open())
     }
 
     /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;
@@ -39,13 +41,19 @@ impl Session {
         }
         let (lines, drives) = self.half.speaks();
         let (is_led, is_silent) = (!self.half.leads(), !self.half.speaks_at_all());
-        self.telemetry.speak(Spoken { is_led, is_silent, lines: Some(lines), drives: Some(drives) });
+        self.telemetry.speak(Spoken {
+            is_led,
+            is_silent,
+            lines: Some(lines),
+            drives: Some(drives),
+        });
         self.announce(at);
     }
 
     /// Announces to Home Assistant from now on, if it is for this gateway to do so; else no longer.
     pub(super) fn announce(&mut self, at: MonoTime) {
-        let is_mine = self.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
+        let is_mine =
+            self.path.is_open() && self.settings.home_assistant.is_some() && self.half.leads();
         if is_mine && !self.discovery.is_open() {
             self.discovery.opened(at);
         } else if !is_mine {
@@ -76,8 +84,13 @@ impl Session {
     }
 
     fn hear_event(&mut self, at: MonoTime, drive: &str, payload: &[u8]) {
-        let Ok(body) = serde_json::from_slice::<Map<String, Value>>(payload) else { return };
-        let session = body.get("session").and_then(Value::as_str).unwrap_or_default();
+        let Ok(body) = serde_json::from_slice::<Map<String, Value>>(payload) else {
+            return;
+        };
+        let session = body
+            .get("session")
+            .and_then(Value::as_str)
+            .unwrap_or_default();
         let is_ours = session == self.run || self.stored.is_ours(session);
         if is_ours || !self.drives.iter().any(|it| it.name.as_str() == drive) {
             return;
@@ -94,7 +107,9 @@ impl Session {
         if self.path.is_open() || !self.drives.iter().any(|it| it.name.as_str() == drive) {
             return;
         }
-        let Ok(record) = serde_json::from_slice::<Map<String, Value>>(payload) else { return };
+        let Ok(record) = serde_json::from_slice::<Map<String, Value>>(payload) else {
+            return;
+        };
         let told = &mut self.told;
         told.remember_last(drive, record);
         if !self.events.drop_told(|own| told.take_last(own)) {
@@ -107,13 +122,17 @@ impl Session {
         if self.half.pair().is_none() {
             return true;
         }
-        let drive = self.drives.iter().position(|it| it.name.as_str() == mark.drive());
+        let drive = self
+            .drives
+            .iter()
+            .position(|it| it.name.as_str() == mark.drive());
         drive.map_or_else(|| self.half.leads(), |drive| self.half.may_tell(at, drive))
     }
 
     /// Whether `report` only says that another gateway is active, which answers itself.
     pub(super) fn is_left_to_another<C>(&self, pending: &Pending<C>, report: Report) -> bool {
-        let is_untried = matches!(pending.request, Request::Read(_)) || report.outcome == Outcome::Refused;
+        let is_untried =
+            matches!(pending.request, Request::Read(_)) || report.outcome == Outcome::Refused;
         self.half.pair().is_some() && report.reason == Reason::Standby && is_untried
     }
 
@@ -125,17 +144,30 @@ impl Session {
 
     fn present(&self, at: MonoTime) -> Present {
         let expires = self.settings.version == Version::V5;
-        Present { at, clock: self.clock, heartbeat: self.settings.heartbeat, expires }
+        Present {
+            at,
+            clock: self.clock,
+            heartbeat: self.settings.heartbeat,
+            expires,
+        }
     }
 
     /// What one of several gateways publishes on an orderly end: it takes back what it speaks for. That the gateway is
     /// offline is not said while another one is active.
     pub(super) fn farewell_as_half(&self, at: MonoTime) -> Vec<Publication> {
         let goodbye = super::session::goodbye;
-        let spoken = self.drives.iter().enumerate().filter(|(drive, _)| self.half.speaks_for(*drive));
-        let drives = spoken.map(|(_, drive)| goodbye(self.topics.drive(drive.name.as_str(), "availability")));
+        let spoken = self
+            .drives
+            .iter()
+            .enumerate()
+            .filter(|(drive, _)| self.half.speaks_for(*drive));
+        let drives = spoken
+            .map(|(_, drive)| goodbye(self.topics.drive(drive.name.as_str(), "availability")));
         let is_last = self.half.speaks_at_all() || !self.half.is_another_active();
         let status = is_last.then(|| goodbye(self.topics.gateway("status")));
-        drives.chain(self.half.farewell(&self.present(at))).chain(status).collect()
+        drives
+            .chain(self.half.farewell(&self.present(at)))
+            .chain(status)
+            .collect()
     }
 }

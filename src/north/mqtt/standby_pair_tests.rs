@@ -19,23 +19,40 @@ struct Plant {
 }
 
 fn matches(filter: &str, topic: &str) -> bool {
-    let (filter, topic): (Vec<_>, Vec<_>) = (filter.split('/').collect(), topic.split('/').collect());
-    filter.len() == topic.len() && filter.iter().zip(&topic).all(|(one, other)| *one == "+" || one == other)
+    let (filter, topic): (Vec<_>, Vec<_>) =
+        (filter.split('/').collect(), topic.split('/').collect());
+    filter.len() == topic.len()
+        && filter
+            .iter()
+            .zip(&topic)
+            .all(|(one, other)| *one == "+" || one == other)
 }
 
 impl Plant {
     /// Both are connected; `a` is active.
     fn new() -> Self {
         let rig = |half, partner, role| {
-            let mut rig = Rig::with(Settings { standby: Some(pair(half, partner)), ..settings(Version::V5) });
+            let mut rig = Rig::with(Settings {
+                standby: Some(pair(half, partner)),
+                ..settings(Version::V5)
+            });
             rig.lines[0].report.standby = Some(report(role));
             rig.poll(0, 3_000);
             rig
         };
-        let rigs = [rig("a", "b", LineRole::Active), rig("b", "a", LineRole::Listening)];
+        let rigs = [
+            rig("a", "b", LineRole::Active),
+            rig("b", "a", LineRole::Listening),
+        ];
         let filters = [Vec::new(), Vec::new()];
         let (retained, told) = (BTreeMap::new(), Vec::new());
-        let mut plant = Self { rigs, filters, is_connected: [false; 2], retained, told };
+        let mut plant = Self {
+            rigs,
+            filters,
+            is_connected: [false; 2],
+            retained,
+            told,
+        };
         plant.connect(0);
         plant.connect(1);
         plant.pass(2_000);
@@ -61,19 +78,30 @@ impl Plant {
     }
 
     fn deliver(&mut self, half: usize, topic: &str, payload: &[u8], retain: bool) {
-        self.rigs[half].handle(Event::Message(Message { retain, ..message(topic, payload) }));
+        self.rigs[half].handle(Event::Message(Message {
+            retain,
+            ..message(topic, payload)
+        }));
     }
 
     fn publish(&mut self, it: &Publication) {
         let text = String::from_utf8_lossy(&it.payload).into_owned();
-        self.told.push((it.topic.strip_prefix("vfd/plant/").unwrap_or(&it.topic).to_owned(), text));
+        self.told.push((
+            it.topic
+                .strip_prefix("vfd/plant/")
+                .unwrap_or(&it.topic)
+                .to_owned(),
+            text,
+        ));
         if it.retain && it.payload.is_empty() {
             self.retained.remove(&it.topic);
         } else if it.retain {
             self.retained.insert(it.topic.clone(), it.payload.clone());
         }
         for half in 0..2 {
-            let is_subscribed = self.filters[half].iter().any(|filter| matches(&filter.path, &it.topic));
+            let is_subscribed = self.filters[half]
+                .iter()
+                .any(|filter| matches(&filter.path, &it.topic));
             if self.is_connected[half] && is_subscribed {
                 self.deliver(half, &it.topic, &it.payload, it.retain);
             }
@@ -97,11 +125,20 @@ impl Plant {
             }
             Some(Act::Subscribe(filters)) => {
                 self.rigs[half].handle(Event::Subscribed(vec![true; filters.len()]));
-                let is_wanted =
-                    |topic: &str| filters.iter().any(|filter| filter.wants_retained && matches(&filter.path, topic));
-                let all: Vec<_> = self.retained.clone().into_iter().filter(|(topic, _)| is_wanted(topic)).collect();
+                let is_wanted = |topic: &str| {
+                    filters
+                        .iter()
+                        .any(|filter| filter.wants_retained && matches(&filter.path, topic))
+                };
+                let all: Vec<_> = self
+                    .retained
+                    .clone()
+                    .into_iter()
+                    .filter(|(topic, _)| is_wanted(topic))
+                    .collect();
                 self.filters[half] = filters;
-                all.iter().for_each(|(topic, payload)| self.deliver(half, topic, payload, true));
+                all.iter()
+                    .for_each(|(topic, payload)| self.deliver(half, topic, payload, true));
             }
             Some(_) => {}
         }
@@ -128,7 +165,9 @@ impl Plant {
     }
 
     fn text(&self, topic: &str) -> Option<String> {
-        self.retained.get(&format!("vfd/plant/{topic}")).map(|it| String::from_utf8_lossy(it).into_owned())
+        self.retained
+            .get(&format!("vfd/plant/{topic}"))
+            .map(|it| String::from_utf8_lossy(it).into_owned())
     }
 
     fn times(&self, topic: &str) -> usize {
@@ -139,7 +178,10 @@ impl Plant {
     fn is_served_by(&self, half: usize) {
         assert_eq!(self.text("status").as_deref(), Some("online"));
         assert_eq!(self.text("line/hall/active").as_deref(), Some(HALVES[half]));
-        assert_eq!(self.text("drive/pump/availability").as_deref(), Some("online"));
+        assert_eq!(
+            self.text("drive/pump/availability").as_deref(),
+            Some("online")
+        );
     }
 }
 
@@ -160,13 +202,25 @@ fn wherever_the_active_one_dies_the_trip_is_told_once_and_the_next_one_is_seen()
         }
         plant.kill(0);
         plant.settle();
-        assert_eq!(plant.text("status").as_deref(), Some("offline"), "no one is active");
+        assert_eq!(
+            plant.text("status").as_deref(),
+            Some("offline"),
+            "no one is active"
+        );
         plant.pass(2_500);
         plant.set(1, LineRole::Active);
         plant.pass(5_000);
         plant.is_served_by(1);
-        assert_eq!(plant.times("drive/pump/trip/event"), 1, "killed after {kills} acts");
-        assert!(plant.text("standby/a").is_some_and(|text| text.contains("\"online\":false")));
+        assert_eq!(
+            plant.times("drive/pump/trip/event"),
+            1,
+            "killed after {kills} acts"
+        );
+        assert!(
+            plant
+                .text("standby/a")
+                .is_some_and(|text| text.contains("\"online\":false"))
+        );
         if steps < kills {
             assert!(kills > 3, "the trip causes several publications");
             return;
@@ -183,16 +237,36 @@ fn the_end_of_a_listener_is_hidden_from_no_one_for_long_and_its_return_changes_n
     plant.kill(1);
     plant.settle();
     plant.is_served_by(0);
-    let status: Vec<_> = plant.told.iter().filter(|(topic, _)| topic == "status").map(|(_, it)| it.as_str()).collect();
+    let status: Vec<_> = plant
+        .told
+        .iter()
+        .filter(|(topic, _)| topic == "status")
+        .map(|(_, it)| it.as_str())
+        .collect();
     assert_eq!(status, ["offline", "online"]);
     plant.pass(6_000);
-    assert!(plant.text("standby/b").is_some_and(|text| text.contains("\"online\":false")));
+    assert!(
+        plant
+            .text("standby/b")
+            .is_some_and(|text| text.contains("\"online\":false"))
+    );
     plant.told.clear();
     plant.connect(1);
     plant.pass(2_000);
-    assert!(plant.text("standby/b").is_some_and(|text| text.contains("\"online\":true")));
+    assert!(
+        plant
+            .text("standby/b")
+            .is_some_and(|text| text.contains("\"online\":true"))
+    );
     plant.is_served_by(0);
-    assert!(plant.told.iter().all(|(topic, _)| topic == "standby/b" || topic == "probe"), "{:?}", plant.told);
+    assert!(
+        plant
+            .told
+            .iter()
+            .all(|(topic, _)| topic == "standby/b" || topic == "probe"),
+        "{:?}",
+        plant.told
+    );
 }
 
 #[test]
@@ -202,7 +276,11 @@ fn a_line_that_is_handed_over_and_back_is_shown_by_the_one_that_has_it() {
         let (old, new) = (round % 2, 1 - round % 2);
         plant.set(old, LineRole::Listening);
         plant.settle();
-        assert_eq!(plant.text("status").as_deref(), Some("online"), "it is taken over within seconds");
+        assert_eq!(
+            plant.text("status").as_deref(),
+            Some("online"),
+            "it is taken over within seconds"
+        );
         plant.pass(3_000);
         plant.set(new, LineRole::Active);
         plant.pass(3_000);
@@ -225,9 +303,15 @@ fn an_old_value_does_not_stay_behind_the_one_that_published_it() {
     while plant.step(1) {}
     plant.rigs[0].poll(0, 1_000);
     while plant.step(0) {}
-    assert_eq!(plant.text("drive/pump/frequency/output").as_deref(), Some("10.00"));
+    assert_eq!(
+        plant.text("drive/pump/frequency/output").as_deref(),
+        Some("10.00")
+    );
     plant.set(0, LineRole::Listening);
     plant.settle();
     plant.is_served_by(1);
-    assert_eq!(plant.text("drive/pump/frequency/output").as_deref(), Some("40.00"));
+    assert_eq!(
+        plant.text("drive/pump/frequency/output").as_deref(),
+        Some("40.00")
+    );
 }

@@ -1,6 +1,8 @@
 //! The session as one of two gateways of the same name.
 
-use super::harness::{Rig, Staged, commands, kept, message, name, on, orders, publications, results, settings, told};
+use super::harness::{
+    Rig, Staged, commands, kept, message, name, on, orders, publications, results, settings, told,
+};
 use super::types::{Act, HomeAssistant, Settings};
 use crate::domain::command::{Order, Outcome, Reason};
 use crate::domain::ids::DriveIndex;
@@ -26,11 +28,19 @@ pub(super) fn report(role: LineRole) -> StandbyReport {
 }
 
 pub(super) fn pair(half: &str, partner: &str) -> StandbyPair {
-    StandbyPair { half: name(half), partner: name(partner), rank: 0, take_over_after: None }
+    StandbyPair {
+        half: name(half),
+        partner: name(partner),
+        rank: 0,
+        take_over_after: None,
+    }
 }
 
 fn half_with(settings: Settings, role: LineRole) -> Rig {
-    let mut rig = Rig::with(Settings { standby: Some(pair("b", "a")), ..settings });
+    let mut rig = Rig::with(Settings {
+        standby: Some(pair("b", "a")),
+        ..settings
+    });
     rig.lines[0].report.standby = Some(report(role));
     rig.poll(0, 3_000);
     rig
@@ -65,7 +75,10 @@ fn a_listener_tells_of_itself_and_of_nothing_else() {
     let line = json!({
         "name": "hall", "role": "listening", "take_overs": 0, "given_up": 0, "rivals": 0, "hears_other": true, "listener": null,
     });
-    assert_eq!(document, json!({ "half": "b", "partner": "a", "online": true, "lines": [line] }));
+    assert_eq!(
+        document,
+        json!({ "half": "b", "partner": "a", "online": true, "lines": [line] })
+    );
     assert!(publications(&acts)[0].retain);
     rig.poll(0, 4_000);
     assert_eq!(topics(&rig.acts()), [""; 0]);
@@ -86,7 +99,11 @@ fn who_becomes_active_publishes_everything_and_says_online_last() {
     ] {
         assert_eq!(on(&acts, topic).as_deref(), payload, "{topic}");
     }
-    assert!(["info", "drive/fan/state", "line/hall/stats"].iter().all(|it| all.iter().any(|topic| topic == it)));
+    assert!(
+        ["info", "drive/fan/state", "line/hall/stats"]
+            .iter()
+            .all(|it| all.iter().any(|topic| topic == it))
+    );
     let document: Value = serde_json::from_str(&on(&acts, "standby/b").unwrap()).unwrap();
     assert_eq!(document["lines"][0]["role"], "active");
     // Who gives the line up publishes nothing of it any more.
@@ -95,7 +112,11 @@ fn who_becomes_active_publishes_everything_and_says_online_last() {
     rig.poll(0, 1_000);
     assert_eq!(topics(&rig.pass(61_000)), ["standby/b"]);
     let again = set(&mut rig, LineRole::Active);
-    assert_eq!(on(&again, "drive/pump/frequency/output").as_deref(), Some(""), "a minute old");
+    assert_eq!(
+        on(&again, "drive/pump/frequency/output").as_deref(),
+        Some(""),
+        "a minute old"
+    );
     assert_eq!(on(&again, "status").as_deref(), Some("online"));
 }
 
@@ -106,9 +127,20 @@ fn the_end_of_another_never_hides_this_one() {
         rig.connect();
         let acts = rig.send("status", b"offline");
         let told = told(&acts);
-        assert_eq!(told.last().map(|(topic, payload)| (topic.as_str(), payload.as_str())), Some(("status", "online")));
-        assert!(told.iter().any(|(topic, _)| topic == "standby/b"), "{told:?}");
-        assert_eq!(topics(&rig.send("status", b"online")), [""; 0], "its own words come back");
+        assert_eq!(
+            told.last()
+                .map(|(topic, payload)| (topic.as_str(), payload.as_str())),
+            Some(("status", "online"))
+        );
+        assert!(
+            told.iter().any(|(topic, _)| topic == "standby/b"),
+            "{told:?}"
+        );
+        assert_eq!(
+            topics(&rig.send("status", b"online")),
+            [""; 0],
+            "its own words come back"
+        );
     }
     // A listener says only that it is there: the gateway is not.
     let mut rig = connected(LineRole::Listening);
@@ -118,7 +150,10 @@ fn the_end_of_another_never_hides_this_one() {
 #[test]
 fn a_listener_leaves_commands_to_the_active_one() {
     let mut rig = connected(LineRole::Listening);
-    rig.send("standby/a", br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "active"}]}"#);
+    rig.send(
+        "standby/a",
+        br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "active"}]}"#,
+    );
     for (topic, payload) in [
         ("drive/pump/run/set", &b"forward"[..]),
         ("drive/pump/run/set", b"stop"),
@@ -133,7 +168,10 @@ fn a_listener_leaves_commands_to_the_active_one() {
         ("all/run/set", b"go"),
     ] {
         let acts = rig.send(topic, payload);
-        assert!(commands(&acts).is_empty() && kept(&acts).is_empty(), "{topic}");
+        assert!(
+            commands(&acts).is_empty() && kept(&acts).is_empty(),
+            "{topic}"
+        );
         assert!(publications(&acts).is_empty(), "{topic}: {:?}", told(&acts));
     }
 }
@@ -141,23 +179,38 @@ fn a_listener_leaves_commands_to_the_active_one() {
 #[test]
 fn a_stop_that_no_one_else_may_hear_goes_to_the_line() {
     let mut rig = half(LineRole::Listening);
-    rig.lines[0].report.standby = Some(StandbyReport { hears_other: false, ..report(LineRole::Listening) });
+    rig.lines[0].report.standby = Some(StandbyReport {
+        hears_other: false,
+        ..report(LineRole::Listening)
+    });
     rig.connect();
     let acts = rig.send("drive/pump/run/set", b"stop");
     assert_eq!(orders(&acts), [&Order::Stop { setpoint: None }]);
     let ticket = commands(&acts)[0].ticket;
     let acts = rig.answer(ticket, Outcome::Refused, Reason::Standby, true);
     assert!(results(&acts).is_empty(), "the other one may answer");
-    assert_eq!(orders(&rig.send("all/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
+    assert_eq!(
+        orders(&rig.send("all/run/set", b"stop")),
+        [&Order::Stop { setpoint: None }]
+    );
     assert!(commands(&rig.send("drive/pump/run/set", b"forward")).is_empty());
 }
 
 #[test]
 fn a_stop_is_not_left_to_a_foreign_master() {
     let mut rig = connected(LineRole::Listening);
-    rig.send("standby/a", br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "listening"}]}"#);
-    assert_eq!(orders(&rig.send("drive/pump/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
-    assert_eq!(orders(&rig.send("all/run/set", b"stop")), [&Order::Stop { setpoint: None }]);
+    rig.send(
+        "standby/a",
+        br#"{"half": "a", "online": true, "lines": [{"name": "hall", "role": "listening"}]}"#,
+    );
+    assert_eq!(
+        orders(&rig.send("drive/pump/run/set", b"stop")),
+        [&Order::Stop { setpoint: None }]
+    );
+    assert_eq!(
+        orders(&rig.send("all/run/set", b"stop")),
+        [&Order::Stop { setpoint: None }]
+    );
     assert!(commands(&rig.send("drive/pump/run/set", b"forward")).is_empty());
 }
 
@@ -166,24 +219,53 @@ fn a_command_that_the_line_left_to_another_is_a_new_one_later() {
     let mut rig = connected(LineRole::Active);
     let command = br#"{"id": "one", "run": "forward"}"#;
     let acts = rig.send("drive/pump/command", command);
-    let acts = rig.answer(commands(&acts)[0].ticket, Outcome::Refused, Reason::Standby, true);
+    let acts = rig.answer(
+        commands(&acts)[0].ticket,
+        Outcome::Refused,
+        Reason::Standby,
+        true,
+    );
     assert!(results(&acts).is_empty());
     let acts = rig.send("drive/pump/command", command);
     assert_eq!(commands(&acts).len(), 1, "its id is not used up");
-    let acts = rig.answer(commands(&acts)[0].ticket, Outcome::Unknown, Reason::Standby, true);
+    let acts = rig.answer(
+        commands(&acts)[0].ticket,
+        Outcome::Unknown,
+        Reason::Standby,
+        true,
+    );
     assert_eq!(results(&acts).len(), 1, "what was tried is answered");
 }
 
 pub(super) fn trip(rig: &mut Rig) {
     let words = vec![(0x0113_u16.into(), 9), (0x0115_u16.into(), 123)];
-    let record = TripRecord { at: rig.now(), code: Some(9), words };
+    let record = TripRecord {
+        at: rig.now(),
+        code: Some(9),
+        words,
+    };
     let kind = TripEventKind::Tripped { trips: 1, record };
-    let event = TripEvent { kind, count: Some(3), at: rig.now(), while_away: false };
-    rig.session.trip(rig.at(), DriveRef { line: 0, drive: DriveIndex(0) }, &event);
+    let event = TripEvent {
+        kind,
+        count: Some(3),
+        at: rig.now(),
+        while_away: false,
+    };
+    rig.session.trip(
+        rig.at(),
+        DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
+        &event,
+    );
 }
 
 fn events(acts: &[Act]) -> Vec<&Publication> {
-    publications(acts).into_iter().filter(|it| it.topic.ends_with("trip/event")).collect()
+    publications(acts)
+        .into_iter()
+        .filter(|it| it.topic.ends_with("trip/event"))
+        .collect()
 }
 
 /// The trip as the other gateway tells it.
@@ -219,7 +301,10 @@ fn a_trip_that_the_other_did_not_tell_is_told_after_the_line_was_taken_over() {
     let mut rig = connected(LineRole::Listening);
     trip(&mut rig);
     rig.acts();
-    assert!(events(&set(&mut rig, LineRole::Active)).is_empty(), "what the other told may still be on its way");
+    assert!(
+        events(&set(&mut rig, LineRole::Active)).is_empty(),
+        "what the other told may still be on its way"
+    );
     assert!(events(&rig.pass(999)).is_empty());
     let acts = rig.pass(1);
     assert_eq!(events(&acts).len(), 1);
@@ -235,13 +320,16 @@ fn what_the_broker_retains_when_it_connects_was_told() {
     for code in [9, 8] {
         let mut rig = half(LineRole::Active);
         trip(&mut rig);
-        let values =
-            json!({ "trip_cause": { "value": 9.0, "unit": null }, "trip_current": { "value": 12.3, "unit": "A" } });
-        let last = json!({ "at": "before", "code": code, "text": "x", "values": values }).to_string();
+        let values = json!({ "trip_cause": { "value": 9.0, "unit": null }, "trip_current": { "value": 12.3, "unit": "A" } });
+        let last =
+            json!({ "at": "before", "code": code, "text": "x", "values": values }).to_string();
         rig.handle(Event::Connected(rig.broker));
         rig.acts();
         rig.handle(Event::Subscribed(vec![true; 24]));
-        rig.handle(Event::Message(message("vfd/plant/drive/pump/trip/last", last.as_bytes())));
+        rig.handle(Event::Message(message(
+            "vfd/plant/drive/pump/trip/last",
+            last.as_bytes(),
+        )));
         assert_eq!(rig.session.counters().events_waiting, u64::from(code != 9));
     }
 }
@@ -250,11 +338,19 @@ fn what_the_broker_retains_when_it_connects_was_told() {
 fn stored_events_that_another_told_are_done() {
     let mut rig = connected(LineRole::Listening);
     let body = |seq: u64, count: u16| json!({ "drive": "pump", "kind": "tripped", "count": count, "code": 9, "seq": seq, "session": "of b" });
-    let stored = |seq, count| StoredEvent { seq, drive: name("pump"), body: body(seq, count).to_string() };
+    let stored = |seq, count| StoredEvent {
+        seq,
+        drive: name("pump"),
+        body: body(seq, count).to_string(),
+    };
     rig.send("drive/pump/trip/event", &told_by_the_other(3));
-    rig.session.stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);
+    rig.session
+        .stored_events(rig.at(), &[stored(1, 3), stored(2, 4)], false);
     let acts = rig.acts();
-    assert!(acts.contains(&Act::EventTaken(1)) && !acts.contains(&Act::EventTaken(2)), "{acts:?}");
+    assert!(
+        acts.contains(&Act::EventTaken(1)) && !acts.contains(&Act::EventTaken(2)),
+        "{acts:?}"
+    );
     assert!(events(&acts).is_empty());
     let acts = rig.send("drive/pump/trip/event", &told_by_the_other(4));
     assert!(acts.contains(&Act::EventTaken(2)), "{acts:?}");
@@ -265,7 +361,9 @@ fn stored_events_that_another_told_are_done() {
 }
 
 fn other(role: &str) -> Vec<u8> {
-    json!({ "half": "a", "online": true, "lines": [{ "name": "hall", "role": role }] }).to_string().into_bytes()
+    json!({ "half": "a", "online": true, "lines": [{ "name": "hall", "role": role }] })
+        .to_string()
+        .into_bytes()
 }
 
 #[test]
@@ -274,7 +372,11 @@ fn it_speaks_again_when_the_one_before_it_has_fallen_silent() {
     rig.send("standby/a", &other("active"));
     set(&mut rig, LineRole::Active);
     let acts = rig.send("standby/a", &other("listening"));
-    assert_eq!(on(&acts, "drive/pump/frequency/output").as_deref(), Some("30.00"), "an old value may stand there");
+    assert_eq!(
+        on(&acts, "drive/pump/frequency/output").as_deref(),
+        Some("30.00"),
+        "an old value may stand there"
+    );
     assert!(topics(&rig.send("standby/a", &other("listening"))).is_empty());
 }
 
@@ -288,12 +390,19 @@ fn another_that_is_missed_is_told_as_offline_unless_it_says_that_it_is_there() {
             rig.send("standby/a", &other("active"));
         }
         let acts = rig.pass(6_000);
-        let document = on(&acts, "standby/a").map(|text| serde_json::from_str::<Value>(&text).unwrap());
-        assert_eq!(document, (!is_there).then(|| json!({ "half": "a", "online": false, "lines": [] })));
+        let document =
+            on(&acts, "standby/a").map(|text| serde_json::from_str::<Value>(&text).unwrap());
+        assert_eq!(
+            document,
+            (!is_there).then(|| json!({ "half": "a", "online": false, "lines": [] }))
+        );
     }
     // One that was taken for dead says that it is there.
     let mut rig = connected(LineRole::Active);
-    let acts = rig.send("standby/b", br#"{"half": "b", "online": false, "lines": []}"#);
+    let acts = rig.send(
+        "standby/b",
+        br#"{"half": "b", "online": false, "lines": []}"#,
+    );
     assert_eq!(topics(&acts), ["standby/b"]);
 }
 
@@ -314,7 +423,10 @@ fn whether_the_partner_is_there_is_counted_by_its_own_words() {
     rig.pass(6_000);
     assert_eq!(online(&rig), Some(false));
     rig.send("standby/a", &other("active"));
-    rig.send("standby/a", br#"{"half": "a", "online": false, "lines": []}"#);
+    rig.send(
+        "standby/a",
+        br#"{"half": "a", "online": false, "lines": []}"#,
+    );
     assert_eq!(online(&rig), Some(false), "it has said farewell");
     rig.send("standby/a", &other("active"));
     rig.handle(Event::Lost);
@@ -327,14 +439,26 @@ fn whether_the_partner_is_there_is_counted_by_its_own_words() {
 #[test]
 fn the_farewell_takes_back_what_it_spoke_for() {
     let farewell = |rig: &mut Rig| {
-        let acts: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();
+        let acts: Vec<_> = rig
+            .session
+            .farewell(rig.at())
+            .into_iter()
+            .map(Act::Publish)
+            .collect();
         topics(&acts)
     };
     let of_drives = ["drive/pump/availability", "drive/fan/availability"];
     let mut active = connected(LineRole::Active);
-    assert_eq!(farewell(&mut active), [&of_drives[..], &["standby/b", "status"]].concat());
+    assert_eq!(
+        farewell(&mut active),
+        [&of_drives[..], &["standby/b", "status"]].concat()
+    );
     let mut listener = connected(LineRole::Listening);
-    assert_eq!(farewell(&mut listener), ["standby/b", "status"], "no one is known to be active");
+    assert_eq!(
+        farewell(&mut listener),
+        ["standby/b", "status"],
+        "no one is known to be active"
+    );
     listener.send("standby/a", &other("active"));
     assert_eq!(farewell(&mut listener), ["standby/b"]);
 }
@@ -349,10 +473,19 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
             combined: Vec::new(),
             page: None,
         };
-        half_with(Settings { home_assistant: Some(home_assistant), ..settings(Version::V5) }, role)
+        half_with(
+            Settings {
+                home_assistant: Some(home_assistant),
+                ..settings(Version::V5)
+            },
+            role,
+        )
     };
     let announced = |acts: &[Act]| -> Vec<(String, String)> {
-        told(acts).into_iter().filter(|(topic, _)| topic.starts_with("homeassistant/")).collect()
+        told(acts)
+            .into_iter()
+            .filter(|(topic, _)| topic.starts_with("homeassistant/"))
+            .collect()
     };
     let mut rig = with(LineRole::Listening);
     let mut acts = rig.connect();
@@ -362,12 +495,26 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
     acts.extend(rig.pass(20_000));
     let of_b = announced(&acts);
     assert_eq!(of_b.len(), 3, "the gateway and two drives");
-    assert!(of_b[0].1.contains("\"vfd/plant/line/hall/active\""), "{}", of_b[0].1);
+    assert!(
+        of_b[0].1.contains("\"vfd/plant/line/hall/active\""),
+        "{}",
+        of_b[0].1
+    );
     // The other one, with the names exchanged.
     let mut rig = with(LineRole::Active);
     let home_assistant = rig.session.settings.home_assistant.clone();
-    let settings = Settings { standby: Some(pair("a", "b")), home_assistant, ..settings(Version::V5) };
-    rig.session = super::Session::new(settings, super::harness::drives(), vec![name("hall")], rig.at(), 7);
+    let settings = Settings {
+        standby: Some(pair("a", "b")),
+        home_assistant,
+        ..settings(Version::V5)
+    };
+    rig.session = super::Session::new(
+        settings,
+        super::harness::drives(),
+        vec![name("hall")],
+        rig.at(),
+        7,
+    );
     let mut acts = rig.connect();
     acts.extend(rig.pass(20_000));
     assert_eq!(announced(&acts), of_b);
@@ -376,8 +523,10 @@ fn one_of_them_announces_to_home_assistant_and_both_the_same() {
 #[test]
 fn what_concerns_no_line_comes_from_the_first_by_name_that_is_active() {
     let mut rig = connected(LineRole::Active);
-    let answers =
-        |rig: &mut Rig| ["drive/lift/run/set", "all/run/set"].map(|topic| results(&rig.send(topic, b"sideways")).len());
+    let answers = |rig: &mut Rig| {
+        ["drive/lift/run/set", "all/run/set"]
+            .map(|topic| results(&rig.send(topic, b"sideways")).len())
+    };
     rig.send("standby/c", &other("active"));
     assert_eq!(answers(&mut rig), [1, 1]);
     rig.send("standby/a", &other("active"));
@@ -388,6 +537,9 @@ fn what_concerns_no_line_comes_from_the_first_by_name_that_is_active() {
     rig.send("standby/a", &other("active"));
     assert_eq!(answers(&mut rig), [0, 0]);
     rig.handle(Event::Lost);
-    assert!(on(&rig.connect(), "info").is_some(), "the next connection tells of it, or does not");
+    assert!(
+        on(&rig.connect(), "info").is_some(),
+        "the next connection tells of it, or does not"
+    );
     assert_eq!(answers(&mut rig), [1, 1]);
 }

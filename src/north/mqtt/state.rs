@@ -26,7 +26,11 @@ use std::time::Duration;
 const HOLD_OFF: Duration = Duration::from_millis(500);
 
 /// The content of a trip record, by the names of its registers.
-pub(super) fn record(drive: &DriveDescription, clock: Clock, record: &TripRecord) -> Map<String, Value> {
+pub(super) fn record(
+    drive: &DriveDescription,
+    clock: Clock,
+    record: &TripRecord,
+) -> Map<String, Value> {
     trip::record(drive, &|at| clock.text(at), record)
 }
 
@@ -48,7 +52,11 @@ struct Published {
 
 impl StateSlot {
     pub(super) const fn new(topic: String) -> Self {
-        Self { topic, published: None, is_held: false }
+        Self {
+            topic,
+            published: None,
+            is_held: false,
+        }
     }
 
     pub(super) fn topic(&self) -> &str {
@@ -79,14 +87,19 @@ impl StateSlot {
                 return None;
             }
         }
-        self.published = Some(Published { at: now.at, view: view.clone() });
+        self.published = Some(Published {
+            at: now.at,
+            view: view.clone(),
+        });
         let payload = document(now, drive, view, points).to_string().into_bytes();
         Some(retained(now, self.topic.clone(), payload, Qos::AtMostOnce))
     }
 
     /// When it may be due although nothing changes.
     pub(super) fn due(&self, heartbeat: Duration) -> MonoTime {
-        let Some(last) = &self.published else { return MonoTime::NEVER };
+        let Some(last) = &self.published else {
+            return MonoTime::NEVER;
+        };
         if self.is_held {
             return last.at + HOLD_OFF;
         }
@@ -95,12 +108,19 @@ impl StateSlot {
     }
 }
 
-fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: &DriveView, points: &Points) -> bool {
+fn has_changed(
+    now: &Present,
+    drive: &DriveDescription,
+    last: &Published,
+    view: &DriveView,
+    points: &Points,
+) -> bool {
     let old = last.view.as_ref();
     let has_value_changed = |(place, register): (usize, &Register)| {
         let was = shown::quality(drive, register, old, last.at);
         let values = (old.snapshot.value(register), view.snapshot.value(register));
-        let has_moved = matches!(values, (Some(old), Some(new)) if points.differ(place, old.value, new.value));
+        let has_moved =
+            matches!(values, (Some(old), Some(new)) if points.differ(place, old.value, new.value));
         was != shown::quality(drive, register, view, now.at) || has_moved
     };
     let trip = |view: &DriveView| (view.trip.active, view.trip.seen);
@@ -121,7 +141,13 @@ fn has_changed(now: &Present, drive: &DriveDescription, last: &Published, view: 
 /// Control without the end of the lease, which every heartbeat moves.
 fn lasting(view: &DriveView) -> Option<(ControlView, Option<Owner>)> {
     let control = view.control.as_ref()?;
-    Some((ControlView { lease: None, ..control.clone() }, control.lease.map(|(owner, _)| owner)))
+    Some((
+        ControlView {
+            lease: None,
+            ..control.clone()
+        },
+        control.lease.map(|(owner, _)| owner),
+    ))
 }
 
 fn lease_until(view: &DriveView) -> Option<MonoTime> {
@@ -137,13 +163,21 @@ fn has_published_lease_ended(now: &Present, last: &Published, view: &DriveView) 
 
 /// The polled registers with their places in the model.
 fn polled(drive: &DriveDescription) -> impl Iterator<Item = (usize, &Register)> {
-    drive.model.registers.iter().enumerate().filter(|(_, register)| register.poll.is_some())
+    drive
+        .model
+        .registers
+        .iter()
+        .enumerate()
+        .filter(|(_, register)| register.poll.is_some())
 }
 
 fn document(now: &Present, drive: &DriveDescription, view: &DriveView, points: &Points) -> Value {
     let value = |(place, register): (usize, &Register)| {
         let number = |it: ValueReading| points.value(place, it.value);
-        (register.name.clone(), value(now, drive, register, view, number))
+        (
+            register.name.clone(),
+            value(now, drive, register, view, number),
+        )
     };
     let values: Map<_, _> = polled(drive).map(value).collect();
     json!({
@@ -178,7 +212,11 @@ fn watchdog(watchdog: &WatchdogView) -> Value {
 
 /// Without a status word it follows from the output frequency and from what was ordered here.
 fn run_state_confidence(drive: &DriveDescription) -> &'static str {
-    drive.model.status_flag(Flag::Running).map_or(Confidence::Inferred, |flag| flag.confidence).word()
+    drive
+        .model
+        .status_flag(Flag::Running)
+        .map_or(Confidence::Inferred, |flag| flag.confidence)
+        .word()
 }
 
 fn value(
@@ -221,7 +259,10 @@ fn warning_state(now: &Present, drive: &DriveDescription, view: &DriveView) -> V
 }
 
 fn control(now: &Present, control: &ControlView) -> Value {
-    let lease_until = control.lease.map(|(_, until)| until).filter(|until| *until != MonoTime::NEVER);
+    let lease_until = control
+        .lease
+        .map(|(_, until)| until)
+        .filter(|until| *until != MonoTime::NEVER);
     json!({
         "owner": control.lease.map(|(owner, _)| owner.to_string()),
         "lease_until": lease_until.map(|until| now.clock.text(until)),

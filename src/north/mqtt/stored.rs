@@ -70,7 +70,8 @@ impl Stored {
                 self.newest = event.seq;
                 match place(event) {
                     Some((topic, mark)) => {
-                        self.waiting.push(event.seq, (topic, event.body.clone().into_bytes(), mark));
+                        self.waiting
+                            .push(event.seq, (topic, event.body.clone().into_bytes(), mark));
                     }
                     None => self.taken.push_back(event.seq),
                 }
@@ -79,7 +80,11 @@ impl Stored {
     }
 
     /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
-    pub(super) fn next(&mut self, at: MonoTime, may: impl Fn(&Mark) -> bool) -> Option<(String, Vec<u8>, u64)> {
+    pub(super) fn next(
+        &mut self,
+        at: MonoTime,
+        may: impl Fn(&Mark) -> bool,
+    ) -> Option<(String, Vec<u8>, u64)> {
         let (seq, (topic, payload, _)) = self.waiting.next_of(at, |(_, _, mark)| may(mark))?;
         Some((topic.clone(), payload.clone(), seq))
     }
@@ -157,7 +162,10 @@ impl Session {
                 return Some((topic, Mark::default()));
             }
             let body: Map<String, Value> = serde_json::from_str(&event.body).unwrap_or_default();
-            session = body.get("session").and_then(Value::as_str).map(str::to_owned);
+            session = body
+                .get("session")
+                .and_then(Value::as_str)
+                .map(str::to_owned);
             let mark = Mark::of(event.drive.as_str(), &body);
             (!told.take(at.mono, &mark)).then_some((topic, mark))
         });
@@ -172,7 +180,11 @@ mod tests {
     use crate::domain::ids::Name;
 
     fn event(seq: u64) -> StoredEvent {
-        StoredEvent { seq, drive: Name::new("pump").unwrap(), body: seq.to_string() }
+        StoredEvent {
+            seq,
+            drive: Name::new("pump").unwrap(),
+            body: seq.to_string(),
+        }
     }
 
     fn place() -> Option<(String, Mark)> {
@@ -181,17 +193,28 @@ mod tests {
 
     /// The journal returns this many of its `kept` events after `after`.
     fn answer(stored: &mut Stored, kept: &[u64], after: u64, most: usize) {
-        let behind: Vec<_> = kept.iter().filter(|seq| **seq > after).map(|seq| event(*seq)).collect();
+        let behind: Vec<_> = kept
+            .iter()
+            .filter(|seq| **seq > after)
+            .map(|seq| event(*seq))
+            .collect();
         let given = behind.get(..most.min(behind.len())).unwrap();
         stored.take(given, given.len() < behind.len(), |_| place());
     }
 
     fn wanted(stored: &mut Stored) -> Option<u64> {
-        stored.next_act().map(|act| if let Act::WantEvents { after } = act { after } else { panic!("{act:?}") })
+        stored.next_act().map(|act| {
+            if let Act::WantEvents { after } = act {
+                after
+            } else {
+                panic!("{act:?}")
+            }
+        })
     }
 
     fn sent(stored: &mut Stored) -> Vec<u64> {
-        std::iter::from_fn(|| stored.next(MonoTime::ZERO, |_| true).map(|(_, _, seq)| seq)).collect()
+        std::iter::from_fn(|| stored.next(MonoTime::ZERO, |_| true).map(|(_, _, seq)| seq))
+            .collect()
     }
 
     #[test]
@@ -202,9 +225,17 @@ mod tests {
         stored.opened();
         assert_eq!((wanted(&mut stored), wanted(&mut stored)), (Some(0), None));
         answer(&mut stored, &kept, 0, 16);
-        assert_eq!(wanted(&mut stored), Some(16), "there is room for the next ones");
+        assert_eq!(
+            wanted(&mut stored),
+            Some(16),
+            "there is room for the next ones"
+        );
         answer(&mut stored, &kept, 16, 100);
-        assert_eq!((stored.len(), stored.newest), (WAITING_MAX, 64), "the rest stays where it is");
+        assert_eq!(
+            (stored.len(), stored.newest),
+            (WAITING_MAX, 64),
+            "the rest stays where it is"
+        );
         assert_eq!(wanted(&mut stored), None, "no room");
         assert_eq!(sent(&mut stored), (1..=16).collect::<Vec<_>>());
         (1..=48).for_each(|seq| {
@@ -213,7 +244,12 @@ mod tests {
         });
         let acts: Vec<_> = std::iter::from_fn(|| stored.next_act()).collect();
         let taken = (1..=48).map(Act::EventTaken);
-        assert_eq!(acts, taken.chain([Act::WantEvents { after: 64 }]).collect::<Vec<_>>());
+        assert_eq!(
+            acts,
+            taken
+                .chain([Act::WantEvents { after: 64 }])
+                .collect::<Vec<_>>()
+        );
     }
 
     #[test]
@@ -228,7 +264,11 @@ mod tests {
         stored.take(&[event(7), event(9)], false, |_| place());
         assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)));
         stored.take(&[event(7), event(9)], false, |_| place());
-        assert_eq!((stored.len(), wanted(&mut stored)), (2, Some(9)), "none twice");
+        assert_eq!(
+            (stored.len(), wanted(&mut stored)),
+            (2, Some(9)),
+            "none twice"
+        );
         stored.take(&[], true, |_| place());
         stored.lost();
         assert_eq!((wanted(&mut stored), sent(&mut stored)), (None, vec![7, 9]));

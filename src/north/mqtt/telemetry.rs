@@ -37,11 +37,15 @@ pub(super) struct Spoken {
 
 impl Spoken {
     fn line(&self, place: usize) -> bool {
-        self.lines.as_ref().is_none_or(|lines| lines.get(place) == Some(&true))
+        self.lines
+            .as_ref()
+            .is_none_or(|lines| lines.get(place) == Some(&true))
     }
 
     fn drive(&self, place: usize) -> bool {
-        self.drives.as_ref().is_none_or(|drives| drives.get(place) == Some(&true))
+        self.drives
+            .as_ref()
+            .is_none_or(|drives| drives.get(place) == Some(&true))
     }
 }
 
@@ -83,7 +87,10 @@ impl Telemetry {
             is_info_wanted: settings.publish.contains(&Tree::Info),
             status: Slot::new(topics.gateway("status")),
             lines: line_topics(settings, topics, drives, lines),
-            drives: drives.iter().map(|drive| DriveTopics::new(settings, topics, drive)).collect(),
+            drives: drives
+                .iter()
+                .map(|drive| DriveTopics::new(settings, topics, drive))
+                .collect(),
             gone: Vec::new(),
             cleared: 0,
             spoken: Spoken::default(),
@@ -104,9 +111,14 @@ impl Telemetry {
         started: &str,
     ) {
         let before = self.topics();
-        let old_infos = std::mem::replace(&mut self.infos, infos(settings, topics, new, lines, started));
+        let old_infos = std::mem::replace(
+            &mut self.infos,
+            infos(settings, topics, new, lines, started),
+        );
         for info in &mut self.infos {
-            info.is_told = old_infos.iter().any(|old| old.is_told && old.is_of_the_same(info));
+            info.is_told = old_infos
+                .iter()
+                .any(|old| old.is_told && old.is_of_the_same(info));
         }
         let mut old_lines = std::mem::take(&mut self.lines);
         let mut old_drives = std::mem::take(&mut self.drives);
@@ -122,7 +134,10 @@ impl Telemetry {
             .iter()
             .map(|drive| {
                 let same = known.iter().position(|(it, _)| *it == drive);
-                same.map_or_else(|| DriveTopics::new(settings, topics, drive), |at| known.swap_remove(at).1)
+                same.map_or_else(
+                    || DriveTopics::new(settings, topics, drive),
+                    |at| known.swap_remove(at).1,
+                )
             })
             .collect();
         let left_out = self.left_out(settings, topics, new, lines);
@@ -139,12 +154,22 @@ impl Telemetry {
         drives: &[DriveDescription],
         lines: &[Name],
     ) -> Vec<String> {
-        let of_drives = self.drives.iter().flat_map(DriveTopics::left_out).map(str::to_owned);
+        let of_drives = self
+            .drives
+            .iter()
+            .flat_map(DriveTopics::left_out)
+            .map(str::to_owned);
         let is_line_left_out = self.lines.is_empty();
-        let lines = lines.iter().filter(|_| is_line_left_out).map(|name| LineTopics::new(topics, name, drives));
+        let lines = lines
+            .iter()
+            .filter(|_| is_line_left_out)
+            .map(|name| LineTopics::new(topics, name, drives));
         let of_lines = lines.flat_map(|line| line.topics().map(str::to_owned).collect::<Vec<_>>());
-        let infos =
-            self.infos.iter().filter(|_| !settings.publish.contains(&Tree::Info)).map(|info| info.topic.clone());
+        let infos = self
+            .infos
+            .iter()
+            .filter(|_| !settings.publish.contains(&Tree::Info))
+            .map(|info| info.topic.clone());
         of_drives.chain(of_lines).chain(infos).collect()
     }
 
@@ -162,13 +187,25 @@ impl Telemetry {
     /// All retained topics of lines and drives.
     fn topics(&self) -> Vec<String> {
         let lines = self.lines.iter().flat_map(LineTopics::topics);
-        let infos = self.infos.iter().filter(|_| self.is_info_wanted).map(|info| info.topic.as_str());
+        let infos = self
+            .infos
+            .iter()
+            .filter(|_| self.is_info_wanted)
+            .map(|info| info.topic.as_str());
         let drives = self.drives.iter().flat_map(DriveTopics::topics);
-        lines.chain(drives).chain(infos).map(str::to_owned).collect()
+        lines
+            .chain(drives)
+            .chain(infos)
+            .map(str::to_owned)
+            .collect()
     }
 
     fn clear_next(&mut self, now: &Present) -> Option<Publication> {
-        let topic = self.gone.get(self.cleared).filter(|_| !self.spoken.is_led)?.clone();
+        let topic = self
+            .gone
+            .get(self.cleared)
+            .filter(|_| !self.spoken.is_led)?
+            .clone();
         self.cleared += 1;
         Some(retained(now, topic, Vec::new(), Qos::AtLeastOnce))
     }
@@ -187,9 +224,17 @@ impl Telemetry {
     pub(super) fn speak(&mut self, spoken: Spoken) {
         let before = std::mem::replace(&mut self.spoken, spoken);
         let now = &self.spoken;
-        let lines = self.lines.iter_mut().enumerate().filter(|(place, _)| before.line(*place) != now.line(*place));
+        let lines = self
+            .lines
+            .iter_mut()
+            .enumerate()
+            .filter(|(place, _)| before.line(*place) != now.line(*place));
         lines.for_each(|(_, line)| line.forget());
-        let drives = self.drives.iter_mut().enumerate().filter(|(place, _)| before.drive(*place) != now.drive(*place));
+        let drives = self
+            .drives
+            .iter_mut()
+            .enumerate()
+            .filter(|(place, _)| before.drive(*place) != now.drive(*place));
         drives.for_each(|(_, drive)| drive.forget());
         if before.is_led != now.is_led {
             self.infos.iter_mut().for_each(|info| info.is_told = false);
@@ -212,7 +257,13 @@ impl Telemetry {
     }
 
     /// Takes a register of a drive that was read on demand.
-    pub(super) fn take_param(&mut self, drive: usize, register: usize, reading: ValueReading, topic: String) {
+    pub(super) fn take_param(
+        &mut self,
+        drive: usize,
+        register: usize,
+        reading: ValueReading,
+        topic: String,
+    ) {
         if let Some(topics) = self.drives.get_mut(drive) {
             topics.take_param(register, reading, topic);
         }
@@ -226,11 +277,21 @@ impl Telemetry {
         views: &[Arc<DriveView>],
         history: &mut History,
     ) -> u64 {
-        let now = Present { at, clock, heartbeat: self.heartbeat, expires: self.expires };
+        let now = Present {
+            at,
+            clock,
+            heartbeat: self.heartbeat,
+            expires: self.expires,
+        };
         let spoken = &self.spoken;
-        let each = self.drives.iter_mut().zip(drives.iter().zip(views)).enumerate();
+        let each = self
+            .drives
+            .iter_mut()
+            .zip(drives.iter().zip(views))
+            .enumerate();
         let each = each.filter(|(place, _)| spoken.drive(*place));
-        let changes = each.flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
+        let changes = each
+            .flat_map(|(place, (topics, (drive, view)))| topics.record(&now, place, drive, view));
         changes.map(|change| u64::from(history.add(change))).sum()
     }
 
@@ -244,7 +305,12 @@ impl Telemetry {
         views: &[Arc<DriveView>],
         lines: &[LineState],
     ) -> Option<Publication> {
-        let now = Present { at, clock, heartbeat: self.heartbeat, expires: self.expires };
+        let now = Present {
+            at,
+            clock,
+            heartbeat: self.heartbeat,
+            expires: self.expires,
+        };
         if let Some(clearing) = self.clear_next(&now) {
             return Some(clearing);
         }
@@ -259,8 +325,14 @@ impl Telemetry {
         if self.spoken.is_silent {
             return None;
         }
-        let is_due = self.status.offer(&now, Content::Text("online".into()), |_, _| true).is_some();
-        is_due.then(|| self.status.publication(&now, b"online".to_vec(), Qos::AtLeastOnce))
+        let is_due = self
+            .status
+            .offer(&now, Content::Text("online".into()), |_, _| true)
+            .is_some();
+        is_due.then(|| {
+            self.status
+                .publication(&now, b"online".to_vec(), Qos::AtLeastOnce)
+        })
     }
 
     fn at_place(
@@ -270,12 +342,17 @@ impl Telemetry {
         views: &[Arc<DriveView>],
         lines: &[LineState],
     ) -> Option<Publication> {
-        let Some(place) = self.place.checked_sub(1) else { return self.take_info() };
+        let Some(place) = self.place.checked_sub(1) else {
+            return self.take_info();
+        };
         if let Some(topics) = self.lines.get_mut(place) {
             return topics.next(now, lines.get(place).filter(|_| self.spoken.line(place))?);
         }
         let place = place - self.lines.len();
-        let topics = self.drives.get_mut(place).filter(|_| self.spoken.drive(place))?;
+        let topics = self
+            .drives
+            .get_mut(place)
+            .filter(|_| self.spoken.drive(place))?;
         topics.next(now, drives.get(place)?, views.get(place)?)
     }
 
@@ -287,7 +364,15 @@ impl Telemetry {
         info.is_told = true;
         let (topic, payload) = (info.topic.clone(), info.payload.clone());
         let qos = Qos::AtLeastOnce;
-        Some(Publication { topic, payload, retain: true, qos, expiry: None, correlation: None, token: None })
+        Some(Publication {
+            topic,
+            payload,
+            retain: true,
+            qos,
+            expiry: None,
+            correlation: None,
+            token: None,
+        })
     }
 
     /// When something may be due although no view changes.
@@ -300,7 +385,16 @@ impl Telemetry {
 }
 
 /// The topics of the lines; none if they are not published.
-fn line_topics(settings: &Settings, topics: &Topics, drives: &[DriveDescription], lines: &[Name]) -> Vec<LineTopics> {
+fn line_topics(
+    settings: &Settings,
+    topics: &Topics,
+    drives: &[DriveDescription],
+    lines: &[Name],
+) -> Vec<LineTopics> {
     let is_wanted = settings.publish.contains(&Tree::Line);
-    lines.iter().filter(|_| is_wanted).map(|name| LineTopics::new(topics, name, drives)).collect()
+    lines
+        .iter()
+        .filter(|_| is_wanted)
+        .map(|name| LineTopics::new(topics, name, drives))
+        .collect()
 }

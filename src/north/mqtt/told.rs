@@ -34,7 +34,14 @@ impl Mark {
         let kind = value("kind").as_str().unwrap_or_default().to_owned();
         let values = value("values");
         let while_away = value("while_away") == true;
-        Self { drive: drive.to_owned(), kind, count: value("count"), code: value("code"), values, while_away }
+        Self {
+            drive: drive.to_owned(),
+            kind,
+            count: value("count"),
+            code: value("code"),
+            values,
+            while_away,
+        }
     }
 
     /// The drive.
@@ -55,7 +62,11 @@ impl Mark {
     /// The same for an event that was heard long ago: only the drive's own count tells it from a later one.
     fn is_the_same_trip(&self, other: &Self) -> bool {
         let agree = self.has_no_values() || other.has_no_values() || self.values == other.values;
-        self.kind == "tripped" && self.count.is_number() && self.count == other.count && agree && self.is_same(other)
+        self.kind == "tripped"
+            && self.count.is_number()
+            && self.count == other.count
+            && agree
+            && self.is_same(other)
     }
 
     fn has_no_values(&self) -> bool {
@@ -65,7 +76,8 @@ impl Mark {
     /// Whether the retained `last` record of the drive is of this trip. One that was seen to happen and has no record may
     /// be a newer one for the same cause.
     fn is_last(&self, last: &Map<String, Value>) -> bool {
-        let is_the_values = |values: &Value| self.values == *values || (self.while_away && self.has_no_values());
+        let is_the_values =
+            |values: &Value| self.values == *values || (self.while_away && self.has_no_values());
         let code = last.get("code");
         self.kind == "tripped"
             && code.is_some_and(|code| self.code.is_null() || self.code == *code)
@@ -84,7 +96,8 @@ pub(super) struct Told {
 impl Told {
     /// Remembers an event that was told and that no event of ours is known to be.
     pub(super) fn remember(&mut self, at: MonoTime, mark: Mark) {
-        self.heard.retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
+        self.heard
+            .retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
         if self.heard.len() >= HEARD_MAX {
             self.heard.pop_front();
         }
@@ -101,7 +114,11 @@ impl Told {
     /// Whether an event of ours that comes now was told already. It is forgotten by that.
     pub(super) fn take(&mut self, at: MonoTime, own: &Mark) -> bool {
         let is_it = |(heard_at, mark): &(MonoTime, Mark)| {
-            if at.since(*heard_at) < HEARD_FOR { mark.is_same(own) } else { mark.is_the_same_trip(own) }
+            if at.since(*heard_at) < HEARD_FOR {
+                mark.is_same(own)
+            } else {
+                mark.is_the_same_trip(own)
+            }
         };
         if let Some(place) = self.heard.iter().position(is_it) {
             self.heard.remove(place);
@@ -112,7 +129,10 @@ impl Told {
 
     /// The same by the last trips alone.
     pub(super) fn take_last(&mut self, own: &Mark) -> bool {
-        let is_last = self.last.get(own.drive()).is_some_and(|last| own.is_last(last));
+        let is_last = self
+            .last
+            .get(own.drive())
+            .is_some_and(|last| own.is_last(last));
         is_last && self.last.remove(own.drive()).is_some()
     }
 
@@ -133,9 +153,13 @@ mod tests {
 
     #[test]
     fn the_same_event_is_known_by_kind_count_and_code() {
-        let trip = mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "at": "one", "seq": 1 }));
+        let trip =
+            mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "at": "one", "seq": 1 }));
         for (other, is_same) in [
-            (json!({ "kind": "tripped", "count": 3, "code": 9, "at": "two", "seq": 7 }), true),
+            (
+                json!({ "kind": "tripped", "count": 3, "code": 9, "at": "two", "seq": 7 }),
+                true,
+            ),
             (json!({ "kind": "tripped", "count": null, "code": 9 }), true),
             (json!({ "kind": "tripped", "count": 3, "code": null }), true),
             (json!({ "kind": "tripped", "count": 4, "code": 9 }), false),
@@ -145,17 +169,31 @@ mod tests {
         ] {
             assert_eq!(trip.is_same(&mark(&other)), is_same, "{other}");
         }
-        let of_another = Mark::of("fan", json!({ "kind": "tripped", "count": 3, "code": 9 }).as_object().unwrap());
+        let of_another = Mark::of(
+            "fan",
+            json!({ "kind": "tripped", "count": 3, "code": 9 })
+                .as_object()
+                .unwrap(),
+        );
         assert!(!trip.is_same(&of_another));
-        assert!(!mark(&json!({})).is_same(&mark(&json!({}))), "what is not understood is like no other");
+        assert!(
+            !mark(&json!({})).is_same(&mark(&json!({}))),
+            "what is not understood is like no other"
+        );
     }
 
     /// A listener that was restarted, or off the line, finds a trip minutes after the other one has told it.
     #[test]
     fn a_counted_trip_is_known_again_however_late_it_is_found() {
         let at = MonoTime::from_millis;
-        let trip = |values: Value| mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "values": values }));
-        for (own, is_told) in [(json!({ "a": 1 }), true), (json!({}), true), (json!({ "a": 2 }), false)] {
+        let trip = |values: Value| {
+            mark(&json!({ "kind": "tripped", "count": 3, "code": 9, "values": values }))
+        };
+        for (own, is_told) in [
+            (json!({ "a": 1 }), true),
+            (json!({}), true),
+            (json!({ "a": 2 }), false),
+        ] {
             let mut told = Told::default();
             told.remember(at(0), trip(json!({ "a": 1 })));
             told.remember(at(300_000), mark(&json!({ "kind": "cleared" })));
@@ -170,7 +208,10 @@ mod tests {
         let at = MonoTime::from_millis;
         told.remember(at(0), cleared.clone());
         told.remember(at(10_000), cleared.clone());
-        assert_eq!([1, 2, 3].map(|ms| told.take(at(ms), &cleared)), [true, true, false]);
+        assert_eq!(
+            [1, 2, 3].map(|ms| told.take(at(ms), &cleared)),
+            [true, true, false]
+        );
         told.remember(at(0), cleared.clone());
         assert!(!told.take(at(60_000), &cleared));
         (0..1_000).for_each(|_| told.remember(at(60_000), cleared.clone()));
@@ -181,11 +222,26 @@ mod tests {
     fn the_retained_record_stands_for_the_trip_with_its_values() {
         let record = json!({ "at": "then", "code": 9, "values": { "hours": 7 } });
         for (own, is_it) in [
-            (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 7 } }), true),
-            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {}, "while_away": true }), true),
-            (json!({ "kind": "tripped", "count": 1, "code": null, "values": {} }), false),
-            (json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 8 } }), false),
-            (json!({ "kind": "tripped", "count": 1, "code": 8, "values": { "hours": 7 } }), false),
+            (
+                json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 7 } }),
+                true,
+            ),
+            (
+                json!({ "kind": "tripped", "count": 1, "code": null, "values": {}, "while_away": true }),
+                true,
+            ),
+            (
+                json!({ "kind": "tripped", "count": 1, "code": null, "values": {} }),
+                false,
+            ),
+            (
+                json!({ "kind": "tripped", "count": 1, "code": 9, "values": { "hours": 8 } }),
+                false,
+            ),
+            (
+                json!({ "kind": "tripped", "count": 1, "code": 8, "values": { "hours": 7 } }),
+                false,
+            ),
             (json!({ "kind": "cleared", "count": 1 }), false),
         ] {
             let mut told = Told::default();

@@ -113,19 +113,35 @@ impl Topics {
             "lease",
             "param/+/set",
         ];
-        let orders = ["", "by/+/"].into_iter().flat_map(|by| ORDERS.map(|rest| format!("{by}drive/+/{rest}")));
+        let orders = ["", "by/+/"]
+            .into_iter()
+            .flat_map(|by| ORDERS.map(|rest| format!("{by}drive/+/{rest}")));
         let others = ["all/run/set", "drive/+/param/+/get", "probe"].map(str::to_owned);
-        let inputs = orders.chain(others).map(|rest| self.filter(self.gateway(&rest), false));
+        let inputs = orders
+            .chain(others)
+            .map(|rest| self.filter(self.gateway(&rest), false));
         // What the alive topic said while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
-        let told = ["status", "standby/+", "drive/+/trip/event", "drive/+/trip/last"];
-        let told = told.into_iter().filter(|_| self.half.is_some()).map(|rest| self.filter(self.gateway(rest), true));
+        let told = [
+            "status",
+            "standby/+",
+            "drive/+/trip/event",
+            "drive/+/trip/last",
+        ];
+        let told = told
+            .into_iter()
+            .filter(|_| self.half.is_some())
+            .map(|rest| self.filter(self.gateway(rest), true));
         inputs.chain(alive).chain(told).collect()
     }
 
     /// The subscription of `path`.
     pub(super) const fn filter(&self, path: String, wants_retained: bool) -> Filter {
-        Filter { path, qos: self.qos, wants_retained }
+        Filter {
+            path,
+            qos: self.qos,
+            wants_retained,
+        }
     }
 
     /// This one of several gateways of the name; `None` if it is the only one.
@@ -165,21 +181,34 @@ impl Topics {
         }
         let rest = topic.strip_prefix(self.base.as_str())?;
         let told = self.half.as_ref().and_then(|_| told(rest));
-        if rest == "probe" { Some(Inbound::Probe) } else { told.map(Inbound::Told).or_else(|| command(rest)) }
+        if rest == "probe" {
+            Some(Inbound::Probe)
+        } else {
+            told.map(Inbound::Told).or_else(|| command(rest))
+        }
     }
 
     /// Whether a response may be sent to `topic`: it is under `allowed`, is a plain topic, and is neither ours nor an
     /// input of another gateway under our prefix.
     pub(super) fn may_respond_to(&self, topic: &str, allowed: &str) -> bool {
-        let is_under = topic.strip_prefix(allowed).is_some_and(|rest| rest.starts_with('/') && rest.len() > 1);
-        let is_plain = topic.len() <= 1024 && !topic.chars().any(|c| matches!(c, '+' | '#') || c.is_control());
+        let is_under = topic
+            .strip_prefix(allowed)
+            .is_some_and(|rest| rest.starts_with('/') && rest.len() > 1);
+        let is_plain = topic.len() <= 1024
+            && !topic
+                .chars()
+                .any(|c| matches!(c, '+' | '#') || c.is_control());
         let is_ours = topic.starts_with(&self.base) || self.alive.as_deref() == Some(topic);
         is_under && is_plain && !is_ours && !self.is_input_of_a_neighbour(topic)
     }
 
     fn is_input_of_a_neighbour(&self, topic: &str) -> bool {
-        let below = topic.strip_prefix(self.prefix.as_str()).and_then(|rest| rest.strip_prefix('/'));
-        let rest = below.and_then(|below| below.split_once('/')).map(|(_, rest)| rest);
+        let below = topic
+            .strip_prefix(self.prefix.as_str())
+            .and_then(|rest| rest.strip_prefix('/'));
+        let rest = below
+            .and_then(|below| below.split_once('/'))
+            .map(|(_, rest)| rest);
         rest.is_some_and(|rest| rest == "probe" || command(rest).is_some())
     }
 }
@@ -189,7 +218,9 @@ fn command(rest: &str) -> Option<Inbound<'_>> {
     if rest == "all/run/set" {
         return Some(Inbound::AllRun);
     }
-    let Some(rest) = rest.strip_prefix("by/") else { return Some(Inbound::Drive(place(None, rest)?)) };
+    let Some(rest) = rest.strip_prefix("by/") else {
+        return Some(Inbound::Drive(place(None, rest)?));
+    };
     let (by, rest) = rest.split_once('/')?;
     let place = place(Some(by), rest)?;
     (!place.input.only_reads()).then_some(Inbound::Drive(place))
@@ -213,7 +244,11 @@ fn told(rest: &str) -> Option<Told<'_>> {
 
 fn place<'t>(by: Option<&'t str>, rest: &'t str) -> Option<InputAddress<'t>> {
     let (drive, input) = rest.strip_prefix("drive/")?.split_once('/')?;
-    Some(InputAddress { by, drive, input: drive_input(input)? })
+    Some(InputAddress {
+        by,
+        drive,
+        input: drive_input(input)?,
+    })
 }
 
 fn drive_input(rest: &str) -> Option<Input<'_>> {
@@ -249,11 +284,19 @@ mod tests {
     }
 
     fn everybody(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(InputAddress { by: None, drive: "pump", input }))
+        Some(Inbound::Drive(InputAddress {
+            by: None,
+            drive: "pump",
+            input,
+        }))
     }
 
     fn own(input: Input<'_>) -> Option<Inbound<'_>> {
-        Some(Inbound::Drive(InputAddress { by: Some("plc-2"), drive: "pump", input }))
+        Some(Inbound::Drive(InputAddress {
+            by: Some("plc-2"),
+            drive: "pump",
+            input,
+        }))
     }
 
     #[test]
@@ -264,22 +307,49 @@ mod tests {
             ("home/status", Some(Inbound::Alive)),
             ("vfd/plant/all/run/set", Some(Inbound::AllRun)),
             ("vfd/plant/drive/pump/run/set", everybody(Input::Run)),
-            ("vfd/plant/drive/pump/frequency/set", everybody(Input::Frequency)),
+            (
+                "vfd/plant/drive/pump/frequency/set",
+                everybody(Input::Frequency),
+            ),
             ("vfd/plant/drive/pump/trip/reset", everybody(Input::Reset)),
-            ("vfd/plant/drive/pump/control/release", everybody(Input::Release)),
+            (
+                "vfd/plant/drive/pump/control/release",
+                everybody(Input::Release),
+            ),
             ("vfd/plant/drive/pump/command", everybody(Input::Command)),
             ("vfd/plant/drive/pump/lease", everybody(Input::Lease)),
-            ("vfd/plant/drive/pump/param/F007/get", everybody(Input::ParamGet("F007"))),
-            ("vfd/plant/drive/pump/param/F007/set", everybody(Input::ParamSet("F007"))),
+            (
+                "vfd/plant/drive/pump/param/F007/get",
+                everybody(Input::ParamGet("F007")),
+            ),
+            (
+                "vfd/plant/drive/pump/param/F007/set",
+                everybody(Input::ParamSet("F007")),
+            ),
             ("vfd/plant/drive/pump/control/take", everybody(Input::Take)),
             ("vfd/plant/by/plc-2/drive/pump/run/set", own(Input::Run)),
-            ("vfd/plant/by/plc-2/drive/pump/frequency/set", own(Input::Frequency)),
-            ("vfd/plant/by/plc-2/drive/pump/trip/reset", own(Input::Reset)),
-            ("vfd/plant/by/plc-2/drive/pump/control/take", own(Input::Take)),
-            ("vfd/plant/by/plc-2/drive/pump/control/release", own(Input::Release)),
+            (
+                "vfd/plant/by/plc-2/drive/pump/frequency/set",
+                own(Input::Frequency),
+            ),
+            (
+                "vfd/plant/by/plc-2/drive/pump/trip/reset",
+                own(Input::Reset),
+            ),
+            (
+                "vfd/plant/by/plc-2/drive/pump/control/take",
+                own(Input::Take),
+            ),
+            (
+                "vfd/plant/by/plc-2/drive/pump/control/release",
+                own(Input::Release),
+            ),
             ("vfd/plant/by/plc-2/drive/pump/command", own(Input::Command)),
             ("vfd/plant/by/plc-2/drive/pump/lease", own(Input::Lease)),
-            ("vfd/plant/by/plc-2/drive/pump/param/F007/set", own(Input::ParamSet("F007"))),
+            (
+                "vfd/plant/by/plc-2/drive/pump/param/F007/set",
+                own(Input::ParamSet("F007")),
+            ),
             ("vfd/plant/by/plc-2/drive/pump/param/F007/get", None),
             ("vfd/plant/by/plc-2/all/run/set", None),
             ("vfd/plant/by/plc-2/probe", None),

@@ -84,7 +84,13 @@ pub enum Tree {
 
 impl Tree {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::State, Self::Values, Self::Param, Self::Line, Self::Info];
+    pub const ALL: [Self; 5] = [
+        Self::State,
+        Self::Values,
+        Self::Param,
+        Self::Line,
+        Self::Info,
+    ];
 
     /// The word for it.
     #[must_use]

@@ -39,14 +39,20 @@ impl Failures {
     fn wait(&self) -> Duration {
         match self.count.checked_sub(FREE) {
             None => Duration::ZERO,
-            Some(doublings) => FIRST_WAIT.saturating_mul(1 << doublings.min(16)).min(WAIT_MAX),
+            Some(doublings) => FIRST_WAIT
+                .saturating_mul(1 << doublings.min(16))
+                .min(WAIT_MAX),
         }
     }
 }
 
 impl Default for Attempts {
     fn default() -> Self {
-        Self { failures: HashMap::new(), left: BURST, counted_at: MonoTime::ZERO }
+        Self {
+            failures: HashMap::new(),
+            left: BURST,
+            counted_at: MonoTime::ZERO,
+        }
     }
 }
 
@@ -57,7 +63,8 @@ impl Attempts {
     /// # Errors
     /// How long to wait first; nothing may be attempted until then, and asking does not make it longer.
     pub fn begin(&mut self, now: MonoTime, address: IpAddr) -> Result<(), Duration> {
-        self.failures.retain(|_, failures| now.since(failures.last) < FORGOTTEN_AFTER);
+        self.failures
+            .retain(|_, failures| now.since(failures.last) < FORGOTTEN_AFTER);
         let of = whose(address);
         let before = self.failures.get(&of).copied();
         if let Some(failures) = before {
@@ -67,12 +74,21 @@ impl Attempts {
             }
         }
         self.refill(now);
-        self.left = self.left.checked_sub(1).ok_or_else(|| EVERY.saturating_sub(now.since(self.counted_at)))?;
+        self.left = self
+            .left
+            .checked_sub(1)
+            .ok_or_else(|| EVERY.saturating_sub(now.since(self.counted_at)))?;
         if before.is_none() && self.failures.len() >= ADDRESSES_MAX {
-            let oldest = self.failures.iter().min_by_key(|(_, failures)| failures.last).map(|(address, _)| *address);
+            let oldest = self
+                .failures
+                .iter()
+                .min_by_key(|(_, failures)| failures.last)
+                .map(|(address, _)| *address);
             oldest.and_then(|oldest| self.failures.remove(&oldest));
         }
-        let count = before.map_or(0, |failures| failures.count).saturating_add(1);
+        let count = before
+            .map_or(0, |failures| failures.count)
+            .saturating_add(1);
         self.failures.insert(of, Failures { count, last: now });
         Ok(())
     }
@@ -94,7 +110,11 @@ impl Attempts {
         let periods = now.since(self.counted_at).as_nanos() / EVERY.as_nanos();
         let periods = u32::try_from(periods).unwrap_or(u32::MAX);
         self.left = self.left.saturating_add(periods).min(BURST);
-        self.counted_at = if self.left == BURST { now } else { self.counted_at + EVERY.saturating_mul(periods) };
+        self.counted_at = if self.left == BURST {
+            now
+        } else {
+            self.counted_at + EVERY.saturating_mul(periods)
+        };
     }
 }
 
@@ -128,8 +148,16 @@ mod tests {
         for wait in [1, 2, 4, 8, 16, 32, 64, 128, 256, 300, 300] {
             let wait = Duration::from_secs(wait);
             assert_eq!(attempts.begin(now, host(1)), Err(wait));
-            assert_eq!(attempts.begin(now, host(1)), Err(wait), "to ask makes it no longer");
-            assert_eq!(attempts.begin(now, host(2)), Ok(()), "the others do not wait for it");
+            assert_eq!(
+                attempts.begin(now, host(1)),
+                Err(wait),
+                "to ask makes it no longer"
+            );
+            assert_eq!(
+                attempts.begin(now, host(2)),
+                Ok(()),
+                "the others do not wait for it"
+            );
             attempts.succeeded(host(2));
             now = now + wait;
             assert_eq!(attempts.begin(now, host(1)), Ok(()));
@@ -166,11 +194,18 @@ mod tests {
             assert_eq!(attempts.begin(second(10), host(last as u8)), Ok(()));
         }
         assert_eq!(attempts.begin(second(10), host(200)), Err(EVERY));
-        assert_eq!(attempts.begin(second(11), host(200)), Err(Duration::from_secs(1)));
+        assert_eq!(
+            attempts.begin(second(11), host(200)),
+            Err(Duration::from_secs(1))
+        );
         assert_eq!(attempts.begin(second(12), host(200)), Ok(()));
         assert!(attempts.begin(second(12), host(201)).is_err());
         for last in 0..BURST {
-            assert_eq!(attempts.begin(second(3000), host(100 + last as u8)), Ok(()), "a pause is made good for once");
+            assert_eq!(
+                attempts.begin(second(3000), host(100 + last as u8)),
+                Ok(()),
+                "a pause is made good for once"
+            );
         }
         assert!(attempts.begin(second(3000), host(99)).is_err());
     }
@@ -180,17 +215,35 @@ mod tests {
         let mut attempts = Attempts::default();
         for number in 0..2 * ADDRESSES_MAX as u32 {
             let address = IpAddr::from(number.to_be_bytes());
-            assert_eq!(attempts.begin(second(u64::from(number) * 2), address), Ok(()));
+            assert_eq!(
+                attempts.begin(second(u64::from(number) * 2), address),
+                Ok(())
+            );
         }
         assert_eq!(attempts.failures.len(), ADDRESSES_MAX);
         let mut attempts = Attempts::default();
         for last in 0..FREE {
-            assert!(attempts.begin(second(0), format!("fd00::{last}").parse().unwrap()).is_ok());
+            assert!(
+                attempts
+                    .begin(second(0), format!("fd00::{last}").parse().unwrap())
+                    .is_ok()
+            );
         }
-        assert!(attempts.begin(second(0), "fd00::99".parse().unwrap()).is_err());
-        assert!(attempts.begin(second(0), "fd00:0:0:1::99".parse().unwrap()).is_ok());
+        assert!(
+            attempts
+                .begin(second(0), "fd00::99".parse().unwrap())
+                .is_err()
+        );
+        assert!(
+            attempts
+                .begin(second(0), "fd00:0:0:1::99".parse().unwrap())
+                .is_ok()
+        );
         let mapped = "::ffff:10.0.0.7".parse().unwrap();
         (0..FREE).for_each(|_| attempts.begin(second(0), mapped).unwrap());
-        assert!(attempts.begin(second(0), host(7)).is_err(), "a mapped address is the address itself");
+        assert!(
+            attempts.begin(second(0), host(7)).is_err(),
+            "a mapped address is the address itself"
+        );
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::domain::command::{Go, Order};
 use crate::north::command_words::{
-    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood, object, only_true, run,
-    stop_in, without_mark,
+    Refused, RunWord, beside_a_stop, frequency, keys_stand_once, known_keys, not_understood,
+    object, only_true, run, stop_in, without_mark,
 };
 use crate::profile::scale::Decimal;
 use serde_json::{Map, Value};
@@ -33,9 +33,19 @@ pub struct PageCommand {
 /// Why it is none.
 pub fn wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
     let wish = whole_wish(body, step);
-    let Some(stop) = stop_in(body) else { return wish };
-    let order = if stop == RunWord::Coast { Order::Coast } else { Order::Stop { setpoint: None } };
-    Ok(PageCommand { takes: false, order: Some(order), beside: wish.err().map(|refused| beside_a_stop(&refused)) })
+    let Some(stop) = stop_in(body) else {
+        return wish;
+    };
+    let order = if stop == RunWord::Coast {
+        Order::Coast
+    } else {
+        Order::Stop { setpoint: None }
+    };
+    Ok(PageCommand {
+        takes: false,
+        order: Some(order),
+        beside: wish.err().map(|refused| beside_a_stop(&refused)),
+    })
 }
 
 fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused> {
@@ -49,7 +59,11 @@ fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused
         Some(RunWord::Run(_)) | None => None,
     };
     if stop.is_some() {
-        return Ok(PageCommand { takes: false, order: stop, beside: None });
+        return Ok(PageCommand {
+            takes: false,
+            order: stop,
+            beside: None,
+        });
     }
     let frequency = frequency(&object, step)?;
     let is_reset = only_true(&object, "reset")?;
@@ -60,19 +74,31 @@ fn whole_wish(body: &[u8], step: Option<Decimal>) -> Result<PageCommand, Refused
     };
     let go = Go::new(Vec::new(), frequency, direction).map(Order::Go);
     match (go, is_reset) {
-        (Some(_), true) => Err(not_understood("`reset` stands alone: send the rest after it")),
-        (None, true) => Ok(PageCommand { takes, order: Some(Order::Reset), beside: None }),
-        (None, false) if !takes => {
-            Err(not_understood(format!("the command orders nothing; right is, for example, {EXAMPLE}")))
-        }
-        (order, false) => Ok(PageCommand { takes, order, beside: None }),
+        (Some(_), true) => Err(not_understood(
+            "`reset` stands alone: send the rest after it",
+        )),
+        (None, true) => Ok(PageCommand {
+            takes,
+            order: Some(Order::Reset),
+            beside: None,
+        }),
+        (None, false) if !takes => Err(not_understood(format!(
+            "the command orders nothing; right is, for example, {EXAMPLE}"
+        ))),
+        (order, false) => Ok(PageCommand {
+            takes,
+            order,
+            beside: None,
+        }),
     }
 }
 
 /// The user and the password in `body`; `None` unless it is an object with only these.
 #[must_use]
 pub fn sign_in(body: &[u8]) -> Option<(String, String)> {
-    let Value::Object(object) = serde_json::from_slice(without_mark(body)).ok()? else { return None };
+    let Value::Object(object) = serde_json::from_slice(without_mark(body)).ok()? else {
+        return None;
+    };
     let text = |object: &Map<String, Value>, key| object.get(key)?.as_str().map(str::to_owned);
     let found = (text(&object, "user")?, text(&object, "password")?);
     (object.len() == 2).then_some(found)
@@ -98,20 +124,44 @@ mod tests {
         let forward = Some(Direction::Forward);
         for (body, takes, order) in [
             (r#"{"run": "forward"}"#, false, go(None, forward)),
-            (r#"{"run": "forward", "frequency_hz": 30}"#, false, go(thirty, forward)),
-            (r#"{"frequency_hz": 30.0, "take": true}"#, true, go(thirty, None)),
+            (
+                r#"{"run": "forward", "frequency_hz": 30}"#,
+                false,
+                go(thirty, forward),
+            ),
+            (
+                r#"{"frequency_hz": 30.0, "take": true}"#,
+                true,
+                go(thirty, None),
+            ),
             (r#"{"take": true}"#, true, None),
             (r#"{"reset": true}"#, false, Some(Order::Reset)),
-            (r#"{"run": "stop"}"#, false, Some(Order::Stop { setpoint: None })),
+            (
+                r#"{"run": "stop"}"#,
+                false,
+                Some(Order::Stop { setpoint: None }),
+            ),
             // A stop is carried out whatever else the body contains.
             (
                 r#"{"run": "stop", "frequency_hz": "x", "reset": 1, "take": true}"#,
                 false,
                 Some(Order::Stop { setpoint: None }),
             ),
-            (r#"{"run": "coast", "frequency_hz": 5}"#, false, Some(Order::Coast)),
+            (
+                r#"{"run": "coast", "frequency_hz": 5}"#,
+                false,
+                Some(Order::Coast),
+            ),
         ] {
-            assert_eq!(wish(body.as_bytes(), None), Ok(PageCommand { takes, order, beside: None }), "{body}");
+            assert_eq!(
+                wish(body.as_bytes(), None),
+                Ok(PageCommand {
+                    takes,
+                    order,
+                    beside: None
+                }),
+                "{body}"
+            );
         }
         for body in [
             r#"{"run": "stop", "speed": 3}"#,
@@ -121,7 +171,11 @@ mod tests {
             r#"{"run": "stop"} x"#,
         ] {
             let wish = wish(body.as_bytes(), None).expect(body);
-            assert_eq!((wish.takes, wish.order), (false, Some(Order::Stop { setpoint: None })), "{body}");
+            assert_eq!(
+                (wish.takes, wish.order),
+                (false, Some(Order::Stop { setpoint: None })),
+                "{body}"
+            );
             assert!(wish.beside.is_some(), "{body}");
         }
     }
@@ -135,15 +189,25 @@ mod tests {
             (r#"{"run": "start"}"#, Reason::NotUnderstood),
             (r#"{"run": true}"#, Reason::NotUnderstood),
             (r#"{"run": "forward", "speed": 3}"#, Reason::NotUnderstood),
-            (r#"{"run": "reverse", "run": "forward"}"#, Reason::NotUnderstood),
-            (r#"{"reset": true, "run": "forward"}"#, Reason::NotUnderstood),
+            (
+                r#"{"run": "reverse", "run": "forward"}"#,
+                Reason::NotUnderstood,
+            ),
+            (
+                r#"{"reset": true, "run": "forward"}"#,
+                Reason::NotUnderstood,
+            ),
             (r#"{"reset": false}"#, Reason::NotUnderstood),
             (r#"{"take": 1}"#, Reason::NotUnderstood),
             (r#"{"frequency_hz": "30"}"#, Reason::NotANumber),
             (r#"{"frequency_hz": -1}"#, Reason::OutsideLimits),
             (r#"{"frequency_hz": 30.0001}"#, Reason::BetweenSteps),
         ] {
-            assert_eq!(wish(body.as_bytes(), None).map_err(|refused| refused.reason), Err(reason), "{body}");
+            assert_eq!(
+                wish(body.as_bytes(), None).map_err(|refused| refused.reason),
+                Err(reason),
+                "{body}"
+            );
         }
     }
 

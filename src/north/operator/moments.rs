@@ -54,9 +54,16 @@ impl Moments {
         if now.since(begun) > COMMAND_DEADLINE {
             return Err(Old::Torn(now.since(begun)));
         }
-        let known = self.0.number(named.ok_or(Old::Unnamed)?).ok_or(Old::Unknown)?;
+        let known = self
+            .0
+            .number(named.ok_or(Old::Unnamed)?)
+            .ok_or(Old::Unknown)?;
         let age = now.since(MonoTime::from_millis(known));
-        if age > AGE_MAX { Err(Old::Since(age)) } else { Ok(()) }
+        if age > AGE_MAX {
+            Err(Old::Since(age))
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -112,7 +119,9 @@ mod tests {
         }
         let text = Old::Since(Duration::from_millis(31_240)).to_string();
         assert!(
-            text.starts_with("the order may have waited for 31.2 s on its way, and at most 1.5 s are allowed"),
+            text.starts_with(
+                "the order may have waited for 31.2 s on its way, and at most 1.5 s are allowed"
+            ),
             "{text}"
         );
     }
@@ -124,7 +133,10 @@ mod tests {
         assert_eq!(moments.at(now), moments.at(NOW));
         let named = moments.at(now);
         let later = NOW + AGE_MAX + SHORT;
-        assert_eq!(moments.review(Some(named.as_bytes()), later, later), Err(Old::Since(AGE_MAX + SHORT)));
+        assert_eq!(
+            moments.review(Some(named.as_bytes()), later, later),
+            Err(Old::Since(AGE_MAX + SHORT))
+        );
     }
 
     #[test]
@@ -133,10 +145,20 @@ mod tests {
         let other = Moments::new(8);
         let seen = moments.at(NOW.before(AGE_MAX + SHORT));
         let (_, code) = seen.split_once('-').unwrap();
-        for named in [other.at(NOW), format!("100000-{code}"), "100000".to_owned(), String::new(), "\u{0}".to_owned()] {
+        for named in [
+            other.at(NOW),
+            format!("100000-{code}"),
+            "100000".to_owned(),
+            String::new(),
+            "\u{0}".to_owned(),
+        ] {
             assert_eq!(review(&moments, &named), Err(Old::Unknown), "{named}");
         }
-        assert!(Old::Unknown.to_string().starts_with("the gateway has restarted since"));
+        assert!(
+            Old::Unknown
+                .to_string()
+                .starts_with("the gateway has restarted since")
+        );
         assert_eq!(moments.review(None, NOW, NOW), Err(Old::Unnamed));
         assert_eq!(moments.review(Some(b"\xFF"), NOW, NOW), Err(Old::Unknown));
     }

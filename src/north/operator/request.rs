@@ -18,19 +18,25 @@ pub fn may_be_called<'n>(host: &str, mut names: impl Iterator<Item = &'n str>) -
     }
     let (name, port) = host.split_at(host.find(':').unwrap_or(host.len()));
     let name = name.strip_suffix('.').unwrap_or(name).to_ascii_lowercase();
-    let is_own = name.parse::<Ipv4Addr>().is_ok() || name == "localhost" || name.ends_with(".localhost");
+    let is_own =
+        name.parse::<Ipv4Addr>().is_ok() || name == "localhost" || name.ends_with(".localhost");
     is_port(port) && (is_own || names.any(|own| own == name))
 }
 
 fn is_port(text: &str) -> bool {
-    text.is_empty() || text.strip_prefix(':').is_some_and(|port| port.parse::<u16>().is_ok())
+    text.is_empty()
+        || text
+            .strip_prefix(':')
+            .is_some_and(|port| port.parse::<u16>().is_ok())
 }
 
 /// Whether a request with these headers `Origin` and `Host` comes from the gateway's own page. Browsers leave the usual port
 /// out of both.
 #[must_use]
 pub fn is_own_page(origin: &str, host: &str) -> bool {
-    let authority = origin.strip_prefix("https://").or_else(|| origin.strip_prefix("http://"));
+    let authority = origin
+        .strip_prefix("https://")
+        .or_else(|| origin.strip_prefix("http://"));
     authority.is_some_and(|authority| !host.is_empty() && authority.eq_ignore_ascii_case(host))
 }
 
@@ -45,7 +51,13 @@ pub fn is_of_another_site(site: &str, mode: &str) -> bool {
 /// The id of the session that the header `Cookie` names; `None` if it names none that could be one.
 #[must_use]
 pub fn session_id(cookies: &str) -> Option<Key> {
-    let of = |cookie: &str| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('=').map(str::to_owned);
+    let of = |cookie: &str| {
+        cookie
+            .trim()
+            .strip_prefix(COOKIE)?
+            .strip_prefix('=')
+            .map(str::to_owned)
+    };
     cookies.split(';').find_map(|cookie| key(&of(cookie)?))
 }
 
@@ -138,10 +150,16 @@ mod tests {
 
     #[test]
     fn only_pages_of_other_sites_ask_in_the_background_in_vain() {
-        assert!(is_of_another_site("cross-site", "no-cors") && is_of_another_site("cross-site", "cors"));
-        for (site, mode) in
-            [("cross-site", "navigate"), ("same-site", "cors"), ("same-origin", "cors"), ("none", ""), ("", "")]
-        {
+        assert!(
+            is_of_another_site("cross-site", "no-cors") && is_of_another_site("cross-site", "cors")
+        );
+        for (site, mode) in [
+            ("cross-site", "navigate"),
+            ("same-site", "cors"),
+            ("same-origin", "cors"),
+            ("none", ""),
+            ("", ""),
+        ] {
             assert!(!is_of_another_site(site, mode), "{site} {mode}");
         }
     }
@@ -159,9 +177,15 @@ mod tests {
             assert_eq!(session_id(&cookies), Some(key), "{cookies}");
         }
         let long = format!("vfd_session={text}00");
-        for cookies in
-            ["", "vfd_session", "vfd_session=", &long, &text, &format!("xvfd_session={text}"), "vfd_session=ü"]
-        {
+        for cookies in [
+            "",
+            "vfd_session",
+            "vfd_session=",
+            &long,
+            &text,
+            &format!("xvfd_session={text}"),
+            "vfd_session=ü",
+        ] {
             assert_eq!(session_id(cookies), None, "{cookies}");
         }
         let odd = format!("vfd_session={}ü", "a".repeat(62));

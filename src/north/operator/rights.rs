@@ -91,7 +91,11 @@ mod tests {
         let cases = [
             (of(Role::View, None), [false, false, false], false),
             (of(Role::Operate, None), [true, true, true], false),
-            (of(Role::Operate, Some(&["water"])), [true, false, false], false),
+            (
+                of(Role::Operate, Some(&["water"])),
+                [true, false, false],
+                false,
+            ),
             (of(Role::Maintain, Some(&[])), [false, false, false], true),
             (of(Role::Maintain, None), [true, true, true], true),
             (of(Role::Setup, None), [true, true, true], true),
@@ -99,8 +103,16 @@ mod tests {
         for (rights, may_command, may_maintain) in cases {
             assert_eq!(rights.may_stop(), rights.role != Role::View, "{rights:?}");
             let found = [Some(&water), Some(&air), None].map(|group| rights.may_command(group));
-            assert_eq!((found, rights.may_maintain()), (may_command, may_maintain), "{rights:?}");
-            assert_eq!(rights.may_set_up(), rights.role == Role::Setup, "{rights:?}");
+            assert_eq!(
+                (found, rights.may_maintain()),
+                (may_command, may_maintain),
+                "{rights:?}"
+            );
+            assert_eq!(
+                rights.may_set_up(),
+                rights.role == Role::Setup,
+                "{rights:?}"
+            );
         }
     }
 }

@@ -39,21 +39,38 @@ impl Sessions {
     pub fn open(&mut self, now: MonoTime, key: Key, user: CommanderName) {
         self.open.retain(|_, session| !session.is_over(now));
         if self.open.len() >= SESSIONS_MAX {
-            let oldest = self.open.iter().min_by_key(|(_, session)| session.used).map(|(key, _)| *key);
+            let oldest = self
+                .open
+                .iter()
+                .min_by_key(|(_, session)| session.used)
+                .map(|(key, _)| *key);
             oldest.and_then(|oldest| self.open.remove(&oldest));
         }
-        self.open.insert(key, Session { user, opened: now, used: now });
+        self.open.insert(
+            key,
+            Session {
+                user,
+                opened: now,
+                used: now,
+            },
+        );
     }
 
     /// The user identified by `key` at `now`. Looking does not keep the session alive.
     #[must_use]
     pub fn user(&self, now: MonoTime, key: &Key) -> Option<CommanderName> {
-        self.open.get(key).filter(|session| !session.is_over(now)).map(|session| session.user)
+        self.open
+            .get(key)
+            .filter(|session| !session.is_over(now))
+            .map(|session| session.user)
     }
 
     /// The same for a request that commands, which keeps the session alive.
     pub fn used(&mut self, now: MonoTime, key: &Key) -> Option<CommanderName> {
-        let session = self.open.get_mut(key).filter(|session| !session.is_over(now))?;
+        let session = self
+            .open
+            .get_mut(key)
+            .filter(|session| !session.is_over(now))?;
         session.used = now;
         Some(session.user)
     }
@@ -93,7 +110,11 @@ mod tests {
         sessions.open(at(0), key(1), anna());
         let last = MonoTime::from_millis(4) + IDLE_MAX;
         assert_eq!(sessions.user(last, &key(1)), Some(anna()));
-        assert_eq!(sessions.user(at(12), &key(1)), None, "to look has not kept it");
+        assert_eq!(
+            sessions.user(at(12), &key(1)),
+            None,
+            "to look has not kept it"
+        );
         assert_eq!(sessions.used(last, &key(1)), Some(anna()));
         assert_eq!(sessions.user(at(23), &key(1)), Some(anna()));
         assert_eq!(sessions.used(at(24), &key(1)), None, "it never comes back");
@@ -118,9 +139,15 @@ mod tests {
             sessions.open(at(0), key(number), user);
         }
         sessions.close(&key(1));
-        assert_eq!((sessions.user(at(0), &key(1)), sessions.user(at(0), &key(2))), (None, Some(anna())));
+        assert_eq!(
+            (sessions.user(at(0), &key(1)), sessions.user(at(0), &key(2))),
+            (None, Some(anna()))
+        );
         sessions.keep(|user| user != anna());
-        assert_eq!((sessions.user(at(0), &key(2)), sessions.user(at(0), &key(3))), (None, Some(bob)));
+        assert_eq!(
+            (sessions.user(at(0), &key(2)), sessions.user(at(0), &key(3))),
+            (None, Some(bob))
+        );
     }
 
     #[test]
@@ -132,8 +159,15 @@ mod tests {
         }
         sessions.used(MonoTime::from_millis(100), &key(0));
         sessions.open(MonoTime::from_millis(101), key(most), anna());
-        let is_there = |number| sessions.user(MonoTime::from_millis(101), &key(number)).is_some();
-        assert_eq!((is_there(0), is_there(1), is_there(2), is_there(most)), (true, false, true, true));
+        let is_there = |number| {
+            sessions
+                .user(MonoTime::from_millis(101), &key(number))
+                .is_some()
+        };
+        assert_eq!(
+            (is_there(0), is_there(1), is_there(2), is_there(most)),
+            (true, false, true, true)
+        );
         assert_eq!(sessions.open.len(), SESSIONS_MAX);
     }
 }

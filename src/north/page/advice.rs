@@ -25,6 +25,12 @@ impl Advice {
     fn say_graded(&mut self, severity: Severity, sign: Sign, text: Sentence) {
         let line = self.line.clone();
         let drive = self.drive.clone();
-        self.all.push(Finding { severity, sign, line, drive, text });
+        self.all.push(Finding {
+            severity,
+            sign,
+            line,
+            drive,
+            text,
+        });
     }
 }

@@ -33,20 +33,29 @@ pub fn changes(old: &Value, new: &Value) -> Option<Value> {
     if found.is_empty() {
         return None;
     }
-    found.insert("name".to_owned(), new.get("name").cloned().unwrap_or_default());
+    found.insert(
+        "name".to_owned(),
+        new.get("name").cloned().unwrap_or_default(),
+    );
     Some(Value::Object(found))
 }
 
 /// Values of one drive are always the same ones, in the same order.
 fn changed_values(old: &Value, new: &Value) -> Vec<Value> {
     let rows = |values: &Value| values.as_array().cloned().unwrap_or_default();
-    let changed = rows(old).into_iter().zip(rows(new)).filter(|(old, new)| !is_same(old, new));
+    let changed = rows(old)
+        .into_iter()
+        .zip(rows(new))
+        .filter(|(old, new)| !is_same(old, new));
     changed.map(|(_, new)| without_constants(new)).collect()
 }
 
 fn is_same(old: &Value, new: &Value) -> bool {
-    let (Some(old), Some(new)) = (old.as_object(), new.as_object()) else { return false };
-    new.iter().all(|(key, value)| AGES.contains(&key.as_str()) || old.get(key) == Some(value))
+    let (Some(old), Some(new)) = (old.as_object(), new.as_object()) else {
+        return false;
+    };
+    new.iter()
+        .all(|(key, value)| AGES.contains(&key.as_str()) || old.get(key) == Some(value))
 }
 
 fn without_constants(mut value: Value) -> Value {
@@ -73,7 +82,10 @@ mod tests {
 
     #[test]
     fn a_reading_of_the_same_numbers_changes_nothing_but_ages() {
-        assert_eq!(changes(&drive(10.0, 100, "forward"), &drive(10.0, 700, "forward")), None);
+        assert_eq!(
+            changes(&drive(10.0, 100, "forward"), &drive(10.0, 700, "forward")),
+            None
+        );
     }
 
     #[test]

@@ -38,7 +38,12 @@ impl Drive<'_> {
     /// The document.
     #[must_use]
     pub fn document(&self, present: &Present<'_>) -> Value {
-        let Self { description, view, station, standby } = self;
+        let Self {
+            description,
+            view,
+            station,
+            standby,
+        } = self;
         let model = &description.model;
         json!({
             "name": description.name.as_str(),
@@ -76,8 +81,13 @@ impl Drive<'_> {
     /// When the next value grows stale if no more is read; never, if all have.
     #[must_use]
     pub fn changes_at(&self, now: MonoTime) -> MonoTime {
-        let moments = self.polled().filter_map(|register| stale_at(self.description, register, self.view));
-        moments.filter(|at| *at > now).min().unwrap_or(MonoTime::NEVER)
+        let moments = self
+            .polled()
+            .filter_map(|register| stale_at(self.description, register, self.view));
+        moments
+            .filter(|at| *at > now)
+            .min()
+            .unwrap_or(MonoTime::NEVER)
     }
 
     /// When the oldest value was read that is read again and again; `None` if none of them is fresh.
@@ -86,19 +96,31 @@ impl Drive<'_> {
         let is_live = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
         let read_at = |register: &Register| {
             let is_fresh = quality(self.description, register, self.view, now).word() == "good";
-            self.view.snapshot.value(register).filter(|_| is_fresh).map(|reading| reading.at)
+            self.view
+                .snapshot
+                .value(register)
+                .filter(|_| is_fresh)
+                .map(|reading| reading.at)
         };
         self.polled().filter(is_live).filter_map(read_at).min()
     }
 
     /// The output frequency, unless it is stale.
     fn output_frequency(&self, now: MonoTime) -> Option<f64> {
-        self.hertz(self.description.model.register_for(Role::OutputFrequency)?, now)
+        self.hertz(
+            self.description.model.register_for(Role::OutputFrequency)?,
+            now,
+        )
     }
 
     /// The setpoint that the drive holds, unless that is stale; if it is not polled, the last one that was accepted.
     pub(super) fn setpoint(&self, now: MonoTime) -> Option<f64> {
-        match self.description.model.setting_register().filter(|register| register.poll.is_some()) {
+        match self
+            .description
+            .model
+            .setting_register()
+            .filter(|register| register.poll.is_some())
+        {
             Some(register) => self.hertz(register, now),
             None => Some(self.view.control.as_ref()?.setpoint?.as_f64()),
         }
@@ -136,7 +158,9 @@ impl Drive<'_> {
         let nobody = ControlView::default();
         let view = self.view.control.as_ref().unwrap_or(&nobody);
         let lease = view.lease.filter(|(_, until)| now < *until);
-        let left = lease.map(|(_, until)| until).filter(|until| *until != MonoTime::NEVER);
+        let left = lease
+            .map(|(_, until)| until)
+            .filter(|until| *until != MonoTime::NEVER);
         json!({
             "can": shown::capabilities(self.description),
             "from": shown::sources(settings),
@@ -186,8 +210,11 @@ impl Drive<'_> {
 
     fn meaning(&self, register: &Register, reading: ValueReading) -> Option<String> {
         match register.role {
-            Some(role @ (Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory)) => {
-                let code = register.code(|address| self.view.snapshot.reading(address).map(|it| it.raw))?;
+            Some(
+                role @ (Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory),
+            ) => {
+                let code = register
+                    .code(|address| self.view.snapshot.reading(address).map(|it| it.raw))?;
                 trip::meaning(self.description, role, code)
             }
             _ => register.meaning(reading.raw).map(str::to_owned),
@@ -195,7 +222,11 @@ impl Drive<'_> {
     }
 
     fn polled(&self) -> impl Iterator<Item = &Register> {
-        self.description.model.registers.iter().filter(|register| register.poll.is_some())
+        self.description
+            .model
+            .registers
+            .iter()
+            .filter(|register| register.poll.is_some())
     }
 }
 

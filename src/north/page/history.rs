@@ -33,13 +33,21 @@ impl History {
     /// Without rows.
     #[must_use]
     pub const fn new(level: Level, wanted: Names) -> Self {
-        Self { level, wanted, columns: Vec::new(), rows: BTreeMap::new() }
+        Self {
+            level,
+            wanted,
+            columns: Vec::new(),
+            rows: BTreeMap::new(),
+        }
     }
 
     /// Adds the row at `at_s` with `cells` for the stored `columns`. A model that was changed has other columns than before:
     /// values with the same name and unit continue.
     pub fn add(&mut self, at_s: i64, columns: &str, cells: &[Cell]) {
-        let places: Vec<_> = read_columns(columns).into_iter().map(|column| self.place(column)).collect();
+        let places: Vec<_> = read_columns(columns)
+            .into_iter()
+            .map(|column| self.place(column))
+            .collect();
         let row = self.rows.entry(at_s).or_default();
         for (place, cell) in places.into_iter().zip(cells) {
             let Some(place) = place else { continue };
@@ -53,11 +61,19 @@ impl History {
     }
 
     fn place(&mut self, column: Column) -> Option<usize> {
-        if self.wanted.as_ref().is_some_and(|wanted| !wanted.contains(&column.name)) {
+        if self
+            .wanted
+            .as_ref()
+            .is_some_and(|wanted| !wanted.contains(&column.name))
+        {
             return None;
         }
         let same = |known: &Column| known.name == column.name && known.unit == column.unit;
-        let place = self.columns.iter().position(same).unwrap_or(self.columns.len());
+        let place = self
+            .columns
+            .iter()
+            .position(same)
+            .unwrap_or(self.columns.len());
         if place == self.columns.len() {
             self.columns.push(column);
         }
@@ -71,11 +87,21 @@ impl History {
         let bounds = self.rows.keys().next().zip(self.rows.keys().next_back());
         let (first, last) = bounds.map_or((0, -step), |(first, last)| (*first, *last));
         // A clock that was set leaves rows that are far apart; the newest ones are shown.
-        let span = i64::try_from(self.level.rows).unwrap_or(i64::MAX).saturating_mul(step);
+        let span = i64::try_from(self.level.rows)
+            .unwrap_or(i64::MAX)
+            .saturating_mul(step);
         let first = first.max(last.saturating_sub(span).saturating_add(step));
-        let times = || (0..).map(|index| first + index * step).take_while(|at| *at <= last);
+        let times = || {
+            (0..)
+                .map(|index| first + index * step)
+                .take_while(|at| *at <= last)
+        };
         let of = |take: fn(&Cell) -> f32| {
-            let column = |place: usize| times().map(|at| self.number(at, place, take)).collect::<Vec<_>>();
+            let column = |place: usize| {
+                times()
+                    .map(|at| self.number(at, place, take))
+                    .collect::<Vec<_>>()
+            };
             (0..self.columns.len()).map(column).collect::<Vec<_>>()
         };
         json!({
@@ -96,7 +122,10 @@ impl History {
             let mut row = Map::new();
             row.insert("time".to_owned(), rfc3339(moment(at)).into());
             for (place, column) in self.columns.iter().enumerate() {
-                row.insert(column.name.clone(), self.number(at, place, |cell| cell.mean).into());
+                row.insert(
+                    column.name.clone(),
+                    self.number(at, place, |cell| cell.mean).into(),
+                );
             }
             Value::Object(row)
         };
@@ -109,14 +138,23 @@ impl History {
         let mut text = "time".to_owned();
         for Column { name, unit, .. } in &self.columns {
             // Writing to a String cannot fail.
-            let _ = write!(text, ",{name}_min ({unit}),{name}_mean ({unit}),{name}_max ({unit})");
+            let _ = write!(
+                text,
+                ",{name}_min ({unit}),{name}_mean ({unit}),{name}_max ({unit})"
+            );
         }
         for at in self.rows.keys() {
             text += "\n";
             text += &rfc3339(moment(*at));
             for place in 0..self.columns.len() {
-                for take in [|cell: &Cell| cell.min, |cell: &Cell| cell.mean, |cell: &Cell| cell.max] {
-                    let number = self.number(*at, place, take).map(|number| number.to_string());
+                for take in [
+                    |cell: &Cell| cell.min,
+                    |cell: &Cell| cell.mean,
+                    |cell: &Cell| cell.max,
+                ] {
+                    let number = self
+                        .number(*at, place, take)
+                        .map(|number| number.to_string());
                     let _ = write!(text, ",{}", number.unwrap_or_default());
                 }
             }
@@ -125,7 +163,11 @@ impl History {
     }
 
     fn number(&self, at_s: i64, place: usize, take: fn(&Cell) -> f32) -> Option<f64> {
-        let cell = self.rows.get(&at_s)?.get(place).filter(|cell| cell.count > 0)?;
+        let cell = self
+            .rows
+            .get(&at_s)?
+            .get(place)
+            .filter(|cell| cell.count > 0)?;
         // A mean has one digit more than what it is the mean of.
         let steps = 10_f64.powi(self.columns.get(place)?.digits + 1);
         Some((f64::from(take(cell)) * steps).round() / steps)
@@ -133,7 +175,9 @@ impl History {
 }
 
 const fn moment(at_s: i64) -> WallTime {
-    WallTime { unix_ms: at_s.saturating_mul(1000) }
+    WallTime {
+        unix_ms: at_s.saturating_mul(1000),
+    }
 }
 
 fn read_columns(text: &str) -> Vec<Column> {
@@ -143,9 +187,15 @@ fn read_columns(text: &str) -> Vec<Column> {
         name: text(column, "name"),
         label: text(column, "label"),
         unit: text(column, "unit"),
-        digits: column["digits"].as_i64().and_then(|digits| i32::try_from(digits).ok()).unwrap_or_default(),
+        digits: column["digits"]
+            .as_i64()
+            .and_then(|digits| i32::try_from(digits).ok())
+            .unwrap_or_default(),
     };
-    document.as_array().map(|columns| columns.iter().map(read).collect()).unwrap_or_default()
+    document
+        .as_array()
+        .map(|columns| columns.iter().map(read).collect())
+        .unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -160,7 +210,11 @@ mod tests {
 
     fn history(wanted: Names) -> History {
         let mut history = History::new(LEVELS[0], wanted);
-        history.add(600, COLUMNS, &[Cell::of(10.0).with(Cell::of(20.55)), Cell::of(1.5)]);
+        history.add(
+            600,
+            COLUMNS,
+            &[Cell::of(10.0).with(Cell::of(20.55)), Cell::of(1.5)],
+        );
         history.add(720, LATER, &[Cell::of(80.0), Cell::of(30.0)]);
         history
     }
@@ -168,10 +222,21 @@ mod tests {
     #[test]
     fn a_value_continues_over_a_change_of_the_model_and_gaps_are_shown() {
         let document = history(None).document("pump-1");
-        assert_eq!((&document["step_s"], &document["end_at_s"]), (&json!(60), &json!(720)));
-        let names: Vec<_> = document["columns"].as_array().unwrap().iter().map(|it| &it["name"]).collect();
+        assert_eq!(
+            (&document["step_s"], &document["end_at_s"]),
+            (&json!(60), &json!(720))
+        );
+        let names: Vec<_> = document["columns"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| &it["name"])
+            .collect();
         assert_eq!(names, ["output_frequency", "current", "torque"]);
-        assert_eq!(document["values"], json!([[15.275, null, 30.0], [1.5, null, null], [null, null, 80.0]]));
+        assert_eq!(
+            document["values"],
+            json!([[15.275, null, 30.0], [1.5, null, null], [null, null, 80.0]])
+        );
         assert_eq!(document["max"][0], json!([20.55, null, 30.0]));
     }
 
@@ -192,7 +257,13 @@ mod tests {
         let mut history = history(None);
         history.add(4_000_000_020, COLUMNS, &[Cell::of(1.0), Cell::of(1.0)]);
         let document = history.document("pump-1");
-        assert_eq!(document["values"][0].as_array().unwrap().len(), LEVELS[0].rows);
-        assert_eq!(History::new(LEVELS[0], None).document("pump-1")["values"], json!([]));
+        assert_eq!(
+            document["values"][0].as_array().unwrap().len(),
+            LEVELS[0].rows
+        );
+        assert_eq!(
+            History::new(LEVELS[0], None).document("pump-1")["values"],
+            json!([])
+        );
     }
 }

@@ -26,9 +26,21 @@ pub struct Level {
 
 /// All levels, finest first.
 pub const LEVELS: [Level; 3] = [
-    Level { span: "24h", step_s: 60, rows: 1440 },
-    Level { span: "7d", step_s: 600, rows: 1008 },
-    Level { span: "30d", step_s: 3600, rows: 720 },
+    Level {
+        span: "24h",
+        step_s: 60,
+        rows: 1440,
+    },
+    Level {
+        span: "7d",
+        step_s: 600,
+        rows: 1008,
+    },
+    Level {
+        span: "30d",
+        step_s: 3600,
+        rows: 720,
+    },
 ];
 /// Most values of a drive.
 pub const COLUMNS_MAX: usize = 32;
@@ -50,13 +62,23 @@ pub struct Cell {
 
 impl Cell {
     /// Nothing was seen.
-    pub const EMPTY: Self = Self { min: 0.0, mean: 0.0, max: 0.0, count: 0 };
+    pub const EMPTY: Self = Self {
+        min: 0.0,
+        mean: 0.0,
+        max: 0.0,
+        count: 0,
+    };
 
     /// One value.
     #[must_use]
     pub fn of(value: f64) -> Self {
         let value = value as f32;
-        Self { min: value, mean: value, max: value, count: 1 }
+        Self {
+            min: value,
+            mean: value,
+            max: value,
+            count: 1,
+        }
     }
 
     /// Both together.
@@ -67,17 +89,31 @@ impl Cell {
             (0, _) => other,
             (one, two) => {
                 let count = one.saturating_add(two);
-                let sum = f64::from(self.mean) * f64::from(one) + f64::from(other.mean) * f64::from(two);
+                let sum =
+                    f64::from(self.mean) * f64::from(one) + f64::from(other.mean) * f64::from(two);
                 let mean = (sum / f64::from(count)) as f32;
-                Self { min: self.min.min(other.min), mean, max: self.max.max(other.max), count }
+                Self {
+                    min: self.min.min(other.min),
+                    mean,
+                    max: self.max.max(other.max),
+                    count,
+                }
             }
         }
     }
 
     fn bytes(self) -> [u8; CELL_BYTES] {
-        let parts = [self.min.to_le_bytes(), self.mean.to_le_bytes(), self.max.to_le_bytes(), self.count.to_le_bytes()];
+        let parts = [
+            self.min.to_le_bytes(),
+            self.mean.to_le_bytes(),
+            self.max.to_le_bytes(),
+            self.count.to_le_bytes(),
+        ];
         let mut bytes = [0; CELL_BYTES];
-        bytes.chunks_exact_mut(4).zip(parts).for_each(|(place, part)| place.copy_from_slice(&part));
+        bytes
+            .chunks_exact_mut(4)
+            .zip(parts)
+            .for_each(|(place, part)| place.copy_from_slice(&part));
         bytes
     }
 
@@ -85,8 +121,16 @@ impl Cell {
         let (words, _) = bytes.as_chunks::<4>();
         let [min, mean, max, count] = *words.first_chunk::<4>()?;
         let [min, mean, max] = [min, mean, max].map(f32::from_le_bytes);
-        let cell = Self { min, mean, max, count: u32::from_le_bytes(count) };
-        [min, mean, max].iter().all(|it| it.is_finite()).then_some(cell)
+        let cell = Self {
+            min,
+            mean,
+            max,
+            count: u32::from_le_bytes(count),
+        };
+        [min, mean, max]
+            .iter()
+            .all(|it| it.is_finite())
+            .then_some(cell)
     }
 }
 
@@ -100,14 +144,24 @@ pub fn stored(cells: &[Cell]) -> Vec<u8> {
 #[must_use]
 pub fn cells(bytes: &[u8]) -> Option<Vec<Cell>> {
     let whole = bytes.chunks_exact(CELL_BYTES);
-    whole.remainder().is_empty().then(|| whole.map(Cell::read).collect()).flatten()
+    whole
+        .remainder()
+        .is_empty()
+        .then(|| whole.map(Cell::read).collect())
+        .flatten()
 }
 
 /// Merges `newer` into the stored row `bytes`. A row that is damaged or of another length is replaced.
 #[must_use]
 pub fn merged(bytes: &[u8], newer: &[Cell]) -> Vec<u8> {
     match cells(bytes).filter(|older| older.len() == newer.len()) {
-        Some(older) => stored(&older.into_iter().zip(newer).map(|(one, two)| one.with(*two)).collect::<Vec<_>>()),
+        Some(older) => stored(
+            &older
+                .into_iter()
+                .zip(newer)
+                .map(|(one, two)| one.with(*two))
+                .collect::<Vec<_>>(),
+        ),
         None => stored(newer),
     }
 }
@@ -146,12 +200,23 @@ impl Collector {
         let mut old = std::mem::take(&mut self.drives);
         for drive in drives {
             let columns = columns(drive);
-            let known = old.remove(&drive.name).filter(|known| known.columns == columns);
+            let known = old
+                .remove(&drive.name)
+                .filter(|known| known.columns == columns);
             let new = || {
-                let document = columns.iter().map(Column::kept).collect::<Value>().to_string();
-                Collected { cells: vec![Cell::EMPTY; columns.len()], document, columns }
+                let document = columns
+                    .iter()
+                    .map(Column::kept)
+                    .collect::<Value>()
+                    .to_string();
+                Collected {
+                    cells: vec![Cell::EMPTY; columns.len()],
+                    document,
+                    columns,
+                }
             };
-            self.drives.insert(drive.name.clone(), known.unwrap_or_else(new));
+            self.drives
+                .insert(drive.name.clone(), known.unwrap_or_else(new));
         }
     }
 
@@ -166,19 +231,37 @@ impl Collector {
         let before = self.at_s.replace(at_s).filter(|before| *before != at_s);
         let finished = before.map(|at_s| self.finish(at_s)).unwrap_or_default();
         for drive in drives {
-            let Some(Collected { columns, cells, .. }) = self.drives.get_mut(&drive.description.name) else { continue };
+            let Some(Collected { columns, cells, .. }) =
+                self.drives.get_mut(&drive.description.name)
+            else {
+                continue;
+            };
             for (column, cell) in columns.iter().zip(cells) {
-                *cell = column.read(&drive, now).map_or(*cell, |value| cell.with(Cell::of(value)));
+                *cell = column
+                    .read(&drive, now)
+                    .map_or(*cell, |value| cell.with(Cell::of(value)));
             }
         }
         finished
     }
 
     fn finish(&mut self, at_s: i64) -> Vec<Minute> {
-        let drives = self.drives.iter_mut().filter(|(_, it)| it.cells.iter().any(|cell| cell.count > 0));
+        let drives = self
+            .drives
+            .iter_mut()
+            .filter(|(_, it)| it.cells.iter().any(|cell| cell.count > 0));
         let minute = |(drive, it): (&Name, &mut Collected)| {
-            let cells = it.cells.iter_mut().map(|cell| std::mem::replace(cell, Cell::EMPTY)).collect();
-            Minute { drive: drive.clone(), columns: it.document.clone(), at_s, cells }
+            let cells = it
+                .cells
+                .iter_mut()
+                .map(|cell| std::mem::replace(cell, Cell::EMPTY))
+                .collect();
+            Minute {
+                drive: drive.clone(),
+                columns: it.document.clone(),
+                at_s,
+                cells,
+            }
         };
         drives.map(minute).collect()
     }
@@ -187,7 +270,9 @@ impl Collector {
 /// Everything that is polled again and again and has a unit, with the setpoint; the output frequency first.
 fn columns(drive: &DriveDescription) -> Vec<Column> {
     let model = &drive.model;
-    let setting = model.setting_register().map(|register| register.name.as_str());
+    let setting = model
+        .setting_register()
+        .map(|register| register.name.as_str());
     let is_kept = |register: &&Register| {
         register.poll.is_some_and(PollClass::is_live)
             && register.unit != UnitOfMeasure::None
@@ -195,9 +280,12 @@ fn columns(drive: &DriveDescription) -> Vec<Column> {
     };
     let is_output = |register: &&Register| register.role == Some(Role::OutputFrequency);
     let column = |register: &Register| Column::of_register(drive, register);
-    let (outputs, others): (Vec<_>, Vec<_>) = model.registers.iter().filter(is_kept).partition(is_output);
+    let (outputs, others): (Vec<_>, Vec<_>) =
+        model.registers.iter().filter(is_kept).partition(is_output);
     let outputs = outputs.into_iter().filter_map(column);
-    let all = outputs.chain(Column::of_setpoint(drive)).chain(others.into_iter().filter_map(column));
+    let all = outputs
+        .chain(Column::of_setpoint(drive))
+        .chain(others.into_iter().filter_map(column));
     all.take(COLUMNS_MAX).collect()
 }
 
@@ -208,22 +296,56 @@ mod tests {
 
     #[test]
     fn what_is_stored_is_read_as_it_was_and_anything_else_is_not() {
-        let row = [Cell::of(50.0).with(Cell::of(20.0)), Cell::EMPTY, Cell { count: u32::MAX, ..Cell::of(-0.5) }];
-        assert_eq!(row[0], Cell { min: 20.0, mean: 35.0, max: 50.0, count: 2 });
+        let row = [
+            Cell::of(50.0).with(Cell::of(20.0)),
+            Cell::EMPTY,
+            Cell {
+                count: u32::MAX,
+                ..Cell::of(-0.5)
+            },
+        ];
+        assert_eq!(
+            row[0],
+            Cell {
+                min: 20.0,
+                mean: 35.0,
+                max: 50.0,
+                count: 2
+            }
+        );
         let bytes = stored(&row);
         assert_eq!(cells(&bytes).unwrap(), row);
         assert_eq!(cells(&bytes[1..]), None);
         let infinite = [f32::INFINITY.to_le_bytes(); 4].concat();
         assert_eq!(cells(&infinite), None);
-        assert_eq!(merged(&bytes[1..], &row), bytes, "a damaged row is replaced");
+        assert_eq!(
+            merged(&bytes[1..], &row),
+            bytes,
+            "a damaged row is replaced"
+        );
     }
 
     #[test]
     fn rows_are_merged_by_how_often_each_value_was_seen() {
-        let minute = |value: f64, count: u32| Cell { count, ..Cell::of(value) };
+        let minute = |value: f64, count: u32| Cell {
+            count,
+            ..Cell::of(value)
+        };
         let older = stored(&[minute(10.0, 30), Cell::EMPTY, minute(7.0, 1)]);
-        let row = cells(&merged(&older, &[minute(40.0, 10), minute(3.0, 2), Cell::EMPTY])).unwrap();
-        assert_eq!(row[0], Cell { min: 10.0, mean: 17.5, max: 40.0, count: 40 });
+        let row = cells(&merged(
+            &older,
+            &[minute(40.0, 10), minute(3.0, 2), Cell::EMPTY],
+        ))
+        .unwrap();
+        assert_eq!(
+            row[0],
+            Cell {
+                min: 10.0,
+                mean: 17.5,
+                max: 40.0,
+                count: 40
+            }
+        );
         assert_eq!((row[1], row[2]), (minute(3.0, 2), minute(7.0, 1)));
     }
 
@@ -238,7 +360,12 @@ mod tests {
             collector.note(
                 wall(s),
                 NOW,
-                [Drive { description: &description, view: &view, station: None, standby: None }],
+                [Drive {
+                    description: &description,
+                    view: &view,
+                    station: None,
+                    standby: None,
+                }],
             )
         };
         assert_eq!(note(600, 1000), []);
@@ -246,9 +373,21 @@ mod tests {
         let finished = note(660, 5000);
         assert_eq!(finished.len(), 1);
         assert_eq!(finished[0].at_s, 600);
-        assert_eq!(finished[0].cells[0], Cell { min: 10.0, mean: 20.0, max: 30.0, count: 2 });
+        assert_eq!(
+            finished[0].cells[0],
+            Cell {
+                min: 10.0,
+                mean: 20.0,
+                max: 30.0,
+                count: 2
+            }
+        );
         let earlier = note(0, 1000);
-        assert_eq!((earlier[0].at_s, earlier[0].cells[0].mean), (660, 50.0), "the clock went back");
+        assert_eq!(
+            (earlier[0].at_s, earlier[0].cells[0].mean),
+            (660, 50.0),
+            "the clock went back"
+        );
         let columns: Value = serde_json::from_str(&earlier[0].columns).unwrap();
         assert_eq!(columns[0]["name"], "output_frequency");
         assert_eq!(columns.as_array().unwrap().len(), earlier[0].cells.len());

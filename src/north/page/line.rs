@@ -36,7 +36,15 @@ impl Line<'_> {
     /// The document.
     #[must_use]
     pub fn document(&self) -> Value {
-        let LineReport { state, stop, measured, quality, suspicion, standby, .. } = self.report;
+        let LineReport {
+            state,
+            stop,
+            measured,
+            quality,
+            suspicion,
+            standby,
+            ..
+        } = self.report;
         let said = |sentence: Option<Sentence>| sentence.map(|it| it.document());
         json!({
             "name": self.name.as_str(),

@@ -37,9 +37,18 @@ struct Count {
 impl LineUse {
     /// Takes the counters as they are `now`.
     pub fn note(&mut self, now: MonoTime, counters: &LineCounters) {
-        self.counts.push_back(Count { at: now, busy_us: counters.busy_us, requests: counters.requests });
+        self.counts.push_back(Count {
+            at: now,
+            busy_us: counters.busy_us,
+            requests: counters.requests,
+        });
         // One that is as old as the whole span stays, so that the span is covered.
-        while self.counts.len() > COUNTS_MAX || self.counts.get(1).is_some_and(|next| now.since(next.at) >= SPAN) {
+        while self.counts.len() > COUNTS_MAX
+            || self
+                .counts
+                .get(1)
+                .is_some_and(|next| now.since(next.at) >= SPAN)
+        {
             self.counts.pop_front();
         }
     }
@@ -49,7 +58,9 @@ impl LineUse {
     pub fn rates(&self) -> Option<Rates> {
         let first = self.counts.front()?;
         let last = self.counts.back()?;
-        let span = Some(last.at.since(first.at)).filter(|span| *span >= LEAST)?.as_secs_f64();
+        let span = Some(last.at.since(first.at))
+            .filter(|span| *span >= LEAST)?
+            .as_secs_f64();
         let rise = |from: u64, to: u64| to.saturating_sub(from) as f64 / span;
         Some(Rates {
             use_per_cent: (rise(first.busy_us, last.busy_us) / 1e4).min(100.0),
@@ -65,15 +76,28 @@ mod tests {
     #[test]
     fn the_last_ten_seconds_count_and_no_more() {
         let mut measured = LineUse::default();
-        let count = |busy_us, requests| LineCounters { busy_us, requests, ..LineCounters::default() };
+        let count = |busy_us, requests| LineCounters {
+            busy_us,
+            requests,
+            ..LineCounters::default()
+        };
         measured.note(MonoTime::ZERO, &count(5, 5));
         assert_eq!(measured.rates(), None, "one count says nothing");
         for second in 1..=60_u64 {
             // Idle for half a minute, then busy for half of the time.
             let busy = second.saturating_sub(30);
-            measured.note(MonoTime::from_millis(second * 1000), &count(5 + busy * 500_000, 5 + busy * 20));
+            measured.note(
+                MonoTime::from_millis(second * 1000),
+                &count(5 + busy * 500_000, 5 + busy * 20),
+            );
         }
-        assert_eq!(measured.rates(), Some(Rates { use_per_cent: 50.0, exchanges_per_s: 20.0 }));
+        assert_eq!(
+            measured.rates(),
+            Some(Rates {
+                use_per_cent: 50.0,
+                exchanges_per_s: 20.0
+            })
+        );
         assert!(measured.counts.len() <= COUNTS_MAX);
         for fast in 0..1000 {
             measured.note(MonoTime::from_millis(61_000 + fast), &count(0, 0));

@@ -20,12 +20,20 @@ pub(super) const NOW_TEXT: &str = "2024-01-31T08:00:00.000Z";
 
 /// A clock at which it is [`NOW`].
 pub(super) fn clock() -> Clock {
-    Clock::new(Moment { mono: NOW, wall: WallTime { unix_ms: 1_706_688_000_000 } })
+    Clock::new(Moment {
+        mono: NOW,
+        wall: WallTime {
+            unix_ms: 1_706_688_000_000,
+        },
+    })
 }
 
 /// The identifiers of all built-in models.
 pub(super) fn models() -> Vec<String> {
-    vendors::reviewed().iter().map(|id| (*id).to_owned()).collect()
+    vendors::reviewed()
+        .iter()
+        .map(|id| (*id).to_owned())
+        .collect()
 }
 
 fn catalog() -> Catalog {
@@ -35,7 +43,10 @@ fn catalog() -> Catalog {
 /// A drive of `model` at station 3, with control, polled every second.
 pub(super) fn description(model: &str) -> DriveDescription {
     DriveDescription {
-        place: DriveRef { line: 0, drive: DriveIndex(0) },
+        place: DriveRef {
+            line: 0,
+            drive: DriveIndex(0),
+        },
         name: Name::new("pump-1").unwrap(),
         line: Name::new("hall-1").unwrap(),
         model: Arc::clone(catalog().find(model).unwrap()),
@@ -43,7 +54,10 @@ pub(super) fn description(model: &str) -> DriveDescription {
         uniform_unit: UnitId::new(103).unwrap(),
         group: None,
         pace: Pace::new(Duration::from_secs(1), 1.0),
-        ratings: Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) },
+        ratings: Ratings {
+            current_ma: Some(10_000),
+            voltage_mv: Some(400_000),
+        },
         control: Some(Arc::new(crate::drive::testing::control())),
         points: Points::default(),
     }
@@ -51,9 +65,18 @@ pub(super) fn description(model: &str) -> DriveDescription {
 
 /// A drive at standstill, every polled register of which held `word` at [`NOW`].
 pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
-    let mut view = DriveView { line_is_up: true, run_state: RunState::Stopped, ..DriveView::default() };
+    let mut view = DriveView {
+        line_is_up: true,
+        run_state: RunState::Stopped,
+        ..DriveView::default()
+    };
     view.snapshot.presence = Presence::Online;
-    for register in description.model.registers.iter().filter(|register| register.poll.is_some()) {
+    for register in description
+        .model
+        .registers
+        .iter()
+        .filter(|register| register.poll.is_some())
+    {
         view.snapshot.take(register.address, &[word], NOW);
     }
     view.trip.active = Some(false);
@@ -63,5 +86,10 @@ pub(super) fn view(description: &DriveDescription, word: u16) -> DriveView {
 
 /// Both together.
 pub(super) fn drive<'d>(description: &'d DriveDescription, view: &'d DriveView) -> Drive<'d> {
-    Drive { description, view, station: Some(Station(3)), standby: None }
+    Drive {
+        description,
+        view,
+        station: Some(Station(3)),
+        standby: None,
+    }
 }

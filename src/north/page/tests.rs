@@ -11,7 +11,9 @@ use crate::domain::fail_safe::{Cause, FailSafeRun, FailSafeStage};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{Name, Station};
 use crate::domain::link::{Interface, Wiring};
-use crate::domain::report::{LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds};
+use crate::domain::report::{
+    LineFault, LineMeasured, LineQuality, LineReport, LineState, StopBounds,
+};
 use crate::domain::standby::{LineRole, StandbyReport, StandbyTrouble};
 use crate::domain::suspicion::Suspicion;
 use crate::domain::time::MonoTime;
@@ -33,7 +35,10 @@ const SETTING: u16 = 0x0201;
 const FREQUENCY_SOURCE: u16 = 0x0211;
 
 fn document(description: &DriveDescription, view: &DriveView, now: MonoTime) -> Value {
-    drive(description, view).document(&Present { now, clock: &clock() })
+    drive(description, view).document(&Present {
+        now,
+        clock: &clock(),
+    })
 }
 
 fn values(document: &Value) -> &[Value] {
@@ -41,42 +46,77 @@ fn values(document: &Value) -> &[Value] {
 }
 
 fn value<'d>(document: &'d Value, role: &str) -> &'d Value {
-    values(document).iter().find(|value| value["role"] == role).unwrap_or_else(|| panic!("no {role}"))
+    values(document)
+        .iter()
+        .find(|value| value["role"] == role)
+        .unwrap_or_else(|| panic!("no {role}"))
 }
 
 #[test]
 fn a_warning_that_is_a_field_of_a_word_is_shown_alone() {
     let mut description = description("teco-e510");
     let mut model = (*description.model).clone();
-    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripCode)).unwrap();
+    let register = model
+        .registers
+        .iter_mut()
+        .find(|it| it.role == Some(Role::TripCode))
+        .unwrap();
     register.role = Some(Role::WarningBits);
     register.form.mask = 0x00F0;
     description.model = Arc::new(model);
     let warning = |word| document(&description, &view(&description, word), NOW)["warning"].clone();
     assert_eq!(warning(0xFF5F), json!("bit 0; bit 2"));
-    assert_eq!(warning(0xFF0F), json!(null), "the other bits of the word are none of its own");
+    assert_eq!(
+        warning(0xFF0F),
+        json!(null),
+        "the other bits of the word are none of its own"
+    );
 }
 
 #[test]
 fn the_state_of_the_drive_is_shown_in_its_own_words() {
     let start = include_str!("../../../tests/golden/models/start.toml");
     let model = Arc::new(crate::profile::check::model(start).unwrap());
-    let description = DriveDescription { model, ..description("teco-e510") };
+    let description = DriveDescription {
+        model,
+        ..description("teco-e510")
+    };
     let shown = |word, at| {
         let document = document(&description, &view(&description, word), at);
-        let status = values(&document).iter().find(|value| value["name"] == "status").unwrap();
+        let status = values(&document)
+            .iter()
+            .find(|value| value["name"] == "status")
+            .unwrap();
         (document["drive_state"].clone(), status["text"].clone())
     };
-    assert_eq!(shown(0x8223, NOW), (json!("switched on"), json!("switched on")));
-    assert_eq!(shown(0x0060, NOW), (json!(null), json!(null)), "an unknown word has no text");
-    assert_eq!(shown(0x0021, NOW + Duration::from_secs(60)).0, json!(null), "an old word is no state");
+    assert_eq!(
+        shown(0x8223, NOW),
+        (json!("switched on"), json!("switched on"))
+    );
+    assert_eq!(
+        shown(0x0060, NOW),
+        (json!(null), json!(null)),
+        "an unknown word has no text"
+    );
+    assert_eq!(
+        shown(0x0021, NOW + Duration::from_secs(60)).0,
+        json!(null),
+        "an old word is no state"
+    );
 }
 
 /// The texts of all advice for a drive.
 fn advice(description: &DriveDescription, view: &DriveView) -> Vec<(Severity, String)> {
     let advice = drive(description, view).advice(Interface::Rs485, NOW);
-    assert!(advice.iter().all(|it| it.drive.as_ref() == Some(&description.name)));
-    advice.into_iter().map(|it| (it.severity, it.text.to_string())).collect()
+    assert!(
+        advice
+            .iter()
+            .all(|it| it.drive.as_ref() == Some(&description.name))
+    );
+    advice
+        .into_iter()
+        .map(|it| (it.severity, it.text.to_string()))
+        .collect()
 }
 
 #[test]
@@ -84,13 +124,22 @@ fn the_age_of_a_drive_is_that_of_what_is_read_again_and_again() {
     let description = description("toshiba-vf-as1");
     let mut view = view(&description, 0);
     let later = NOW + Duration::from_secs(600);
-    assert_eq!(document(&description, &view, later)["oldest_ms"], json!(null), "all that moves is stale");
+    assert_eq!(
+        document(&description, &view, later)["oldest_ms"],
+        json!(null),
+        "all that moves is stale"
+    );
     let moves = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
     for register in description.model.registers.iter().filter(moves) {
         view.snapshot.take(register.address, &[0], later);
     }
     let shown = document(&description, &view, later + Duration::from_millis(700));
-    assert!(values(&shown).iter().any(|value| value["age_ms"] == 600_700), "a constant was read long ago");
+    assert!(
+        values(&shown)
+            .iter()
+            .any(|value| value["age_ms"] == 600_700),
+        "a constant was read long ago"
+    );
     assert_eq!(shown["oldest_ms"], 700);
 }
 
@@ -100,21 +149,61 @@ fn every_model_shows_each_polled_register_with_its_age() {
         let description = description(&model);
         let view = view(&description, 3000);
         let shown = document(&description, &view, NOW + Duration::from_millis(250));
-        let polled = description.model.registers.iter().filter(|register| register.poll.is_some());
+        let polled = description
+            .model
+            .registers
+            .iter()
+            .filter(|register| register.poll.is_some());
         let names: Vec<_> = polled.map(|register| register.name.as_str()).collect();
-        assert_eq!(values(&shown).iter().map(|value| value["name"].as_str().unwrap()).collect::<Vec<_>>(), names);
+        assert_eq!(
+            values(&shown)
+                .iter()
+                .map(|value| value["name"].as_str().unwrap())
+                .collect::<Vec<_>>(),
+            names
+        );
         for value in values(&shown) {
-            assert_eq!((&value["quality"], &value["age_ms"]), (&json!("good"), &json!(250)), "{model} {value}");
-            assert!(value["value"].is_number() && value["label"].is_string(), "{model} {value}");
+            assert_eq!(
+                (&value["quality"], &value["age_ms"]),
+                (&json!("good"), &json!(250)),
+                "{model} {value}"
+            );
+            assert!(
+                value["value"].is_number() && value["label"].is_string(),
+                "{model} {value}"
+            );
         }
-        assert_eq!(shown["output_frequency_hz"], 30.0, "{model}: all have steps of 0.01 Hz");
-        assert_eq!(shown["output_frequency_hz"], value(&shown, "output_frequency")["value"], "{model}");
-        assert_eq!((&shown["model"], &shown["station"], &shown["unit"]), (&json!(model), &json!(3), &json!(3)));
-        assert_eq!((&shown["presence"], &shown["run_state"]), (&json!("online"), &json!("stopped")), "{model}");
+        assert_eq!(
+            shown["output_frequency_hz"], 30.0,
+            "{model}: all have steps of 0.01 Hz"
+        );
+        assert_eq!(
+            shown["output_frequency_hz"],
+            value(&shown, "output_frequency")["value"],
+            "{model}"
+        );
+        assert_eq!(
+            (&shown["model"], &shown["station"], &shown["unit"]),
+            (&json!(model), &json!(3), &json!(3))
+        );
+        assert_eq!(
+            (&shown["presence"], &shown["run_state"]),
+            (&json!("online"), &json!("stopped")),
+            "{model}"
+        );
         let control = &shown["control"];
-        assert_eq!((&control["min_hz"], &control["max_hz"]), (&json!(5.0), &json!(50.0)));
-        assert_eq!(control["from"], json!(["mqtt", "modbus-tcp", "page", "sparkplug"]));
-        assert!(control["can"].as_array().unwrap().contains(&json!("stop")), "{model}");
+        assert_eq!(
+            (&control["min_hz"], &control["max_hz"]),
+            (&json!(5.0), &json!(50.0))
+        );
+        assert_eq!(
+            control["from"],
+            json!(["mqtt", "modbus-tcp", "page", "sparkplug"])
+        );
+        assert!(
+            control["can"].as_array().unwrap().contains(&json!("stop")),
+            "{model}"
+        );
     }
 }
 
@@ -125,20 +214,43 @@ fn what_is_old_is_stale_and_what_was_never_read_is_nothing() {
         let view = view(&description, 3000);
         let seen = drive(&description, &view);
         let first = seen.changes_at(NOW);
-        assert_eq!(first, NOW + Duration::from_secs(3), "{model}: fast values, three periods");
+        assert_eq!(
+            first,
+            NOW + Duration::from_secs(3),
+            "{model}: fast values, three periods"
+        );
         let before = document(&description, &view, first.before(Duration::from_millis(1)));
         let at = first;
         assert_eq!(value(&before, "output_frequency")["quality"], "good");
         let after = document(&description, &view, at);
         assert_eq!(value(&after, "output_frequency")["quality"], "stale");
-        assert_eq!(value(&after, "output_frequency")["value"], 30.0, "shown with its age");
-        assert_eq!(after["output_frequency_hz"], Value::Null, "only what is fresh");
+        assert_eq!(
+            value(&after, "output_frequency")["value"],
+            30.0,
+            "shown with its age"
+        );
+        assert_eq!(
+            after["output_frequency_hz"],
+            Value::Null,
+            "only what is fresh"
+        );
         assert_eq!(seen.changes_at(MonoTime::NEVER), MonoTime::NEVER);
         let never = DriveView::default();
         let shown = document(&description, &never, NOW);
-        assert!(values(&shown).iter().all(|it| it["quality"] == "never" && it["value"].is_null()), "{shown}");
-        assert_eq!((&shown["presence"], &shown["run_state"]), (&json!("unknown"), &json!("unknown")));
-        assert_eq!(shown["control"]["intent"], "stop", "there is a control section all the same");
+        assert!(
+            values(&shown)
+                .iter()
+                .all(|it| it["quality"] == "never" && it["value"].is_null()),
+            "{shown}"
+        );
+        assert_eq!(
+            (&shown["presence"], &shown["run_state"]),
+            (&json!("unknown"), &json!("unknown"))
+        );
+        assert_eq!(
+            shown["control"]["intent"], "stop",
+            "there is a control section all the same"
+        );
     }
 }
 
@@ -149,7 +261,10 @@ fn per_cent_of_a_rated_value_is_shown_in_its_unit() {
     let shown = document(&description, &view, NOW);
     let current = value(&shown, "output_current");
     // The worked example of the vendor: 67.94 % of 10 A.
-    assert_eq!((&current["value"], &current["unit"]), (&json!(6.79), &json!("A")));
+    assert_eq!(
+        (&current["value"], &current["unit"]),
+        (&json!(6.79), &json!("A"))
+    );
 }
 
 #[test]
@@ -162,31 +277,59 @@ fn control_shows_who_holds_it_and_how_the_last_command_ended() {
     control.setpoint = Some(Hertz::from_centihertz(4250));
     control.last = Some(Report::held_by(Owner::Mqtt));
     let shown = &document(&description, &view, NOW)["control"];
-    assert_eq!((&shown["owner"], &shown["lease_left_ms"]), (&json!("mqtt"), &json!(2000)));
-    assert_eq!((&shown["intent"], &shown["setpoint_hz"]), (&json!("reverse"), &json!(42.5)));
+    assert_eq!(
+        (&shown["owner"], &shown["lease_left_ms"]),
+        (&json!("mqtt"), &json!(2000))
+    );
+    assert_eq!(
+        (&shown["intent"], &shown["setpoint_hz"]),
+        (&json!("reverse"), &json!(42.5))
+    );
     let last = json!({ "outcome": "refused", "reason": "other_owner", "message": "mqtt holds control of the drive" });
     assert_eq!(shown["last"], last);
     let shown = &document(&description, &view, NOW + Duration::from_secs(2))["control"];
-    assert_eq!((&shown["owner"], &shown["lease_left_ms"]), (&Value::Null, &Value::Null), "it is over");
+    assert_eq!(
+        (&shown["owner"], &shown["lease_left_ms"]),
+        (&Value::Null, &Value::Null),
+        "it is over"
+    );
     view.control.as_mut().unwrap().lease = Some((Owner::Local, MonoTime::NEVER));
     let shown = &document(&description, &view, NOW)["control"];
-    assert_eq!((&shown["owner"], &shown["lease_left_ms"]), (&json!("local"), &Value::Null), "without an end");
-    let read_only = DriveDescription { control: None, ..description.clone() };
+    assert_eq!(
+        (&shown["owner"], &shown["lease_left_ms"]),
+        (&json!("local"), &Value::Null),
+        "without an end"
+    );
+    let read_only = DriveDescription {
+        control: None,
+        ..description.clone()
+    };
     assert_eq!(document(&read_only, &view, NOW)["control"], Value::Null);
 }
 
 #[test]
 fn a_drive_that_cannot_be_asked_is_offline() {
     let description = description("teco-e510");
-    let mut view = DriveView { run_state: RunState::Forward, ..view(&description, 0) };
+    let mut view = DriveView {
+        run_state: RunState::Forward,
+        ..view(&description, 0)
+    };
     view.snapshot.presence = Presence::Offline;
     let shown = document(&description, &view, NOW);
-    assert_eq!((&shown["presence"], &shown["run_state"]), (&json!("offline"), &json!("offline")));
+    assert_eq!(
+        (&shown["presence"], &shown["run_state"]),
+        (&json!("offline"), &json!("offline"))
+    );
     let (severity, text) = advice(&description, &view).remove(0);
     assert_eq!(severity, Severity::Problem);
     assert!(text.contains("does not answer as station 3"), "{text}");
     view.line_is_up = false;
-    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("answer")), "its line says it");
+    assert!(
+        advice(&description, &view)
+            .iter()
+            .all(|(_, text)| !text.contains("answer")),
+        "its line says it"
+    );
 }
 
 #[test]
@@ -194,34 +337,67 @@ fn trips_are_reported_once_with_their_text_and_their_end() {
     let description = description("toshiba-vf-s15");
     let before = view(&description, 0);
     let mut after = before.clone();
-    let record = TripRecord { at: NOW, code: Some(1), words: Vec::new() };
+    let record = TripRecord {
+        at: NOW,
+        code: Some(1),
+        words: Vec::new(),
+    };
     after.trip.active = Some(true);
     after.trip.seen = 1;
     after.trip.last = Some(record);
     let clock = clock();
-    let present = Present { now: NOW + Duration::from_millis(400), clock: &clock };
+    let present = Present {
+        now: NOW + Duration::from_millis(400),
+        clock: &clock,
+    };
     let told = trips::between(&present, &description, &before, &after);
     // What the manual is read to say, marked as that.
     let text = "OC1: overcurrent, acceleration (inferred)";
     assert_eq!(
         told,
-        [json!({ "drive": "pump-1", "kind": "tripped", "code": 1, "text": text, "at": "2024-01-31T08:00:00.000Z" })]
+        [
+            json!({ "drive": "pump-1", "kind": "tripped", "code": 1, "text": text, "at": "2024-01-31T08:00:00.000Z" })
+        ]
     );
-    assert_eq!(trips::between(&present, &description, &after, &after), [] as [Value; 0]);
+    assert_eq!(
+        trips::between(&present, &description, &after, &after),
+        [] as [Value; 0]
+    );
     let shown = &document(&description, &after, NOW)["trip"];
-    assert_eq!((&shown["active"], &shown["code"], &shown["text"]), (&json!(true), &json!(1), &json!(text)));
-    assert_eq!((&shown["seen"], &shown["last_at"]), (&json!(1), &json!(NOW_TEXT)));
+    assert_eq!(
+        (&shown["active"], &shown["code"], &shown["text"]),
+        (&json!(true), &json!(1), &json!(text))
+    );
+    assert_eq!(
+        (&shown["seen"], &shown["last_at"]),
+        (&json!(1), &json!(NOW_TEXT))
+    );
     let mut cleared = after.clone();
     cleared.trip.active = Some(false);
     let kinds = |before: &DriveView, after: &DriveView| -> Vec<String> {
         let told = trips::between(&present, &description, before, after);
-        told.iter().map(|it| it["kind"].as_str().unwrap().to_owned()).collect()
+        told.iter()
+            .map(|it| it["kind"].as_str().unwrap().to_owned())
+            .collect()
     };
     assert_eq!(kinds(&after, &cleared), ["cleared"]);
-    assert_eq!(kinds(&before, &cleared), ["tripped", "cleared"], "both between two looks");
-    let unknown =
-        DriveView { trip: crate::drive::view::TripView { active: None, ..after.trip.clone() }, ..after.clone() };
-    assert_eq!(kinds(&after, &unknown), [] as [&str; 0], "what is not known is not over");
+    assert_eq!(
+        kinds(&before, &cleared),
+        ["tripped", "cleared"],
+        "both between two looks"
+    );
+    let unknown = DriveView {
+        trip: crate::drive::view::TripView {
+            active: None,
+            ..after.trip.clone()
+        },
+        ..after.clone()
+    };
+    assert_eq!(
+        kinds(&after, &unknown),
+        [] as [&str; 0],
+        "what is not known is not over"
+    );
 }
 
 #[test]
@@ -234,9 +410,18 @@ fn a_register_that_keeps_a_drive_from_obeying_is_named_with_what_is_right() {
     let said = advice(&description, &view);
     let (severity, text) = &said[0];
     assert_eq!((said.len(), *severity), (1, Severity::Problem));
-    assert!(text.starts_with("the drive refuses bus commands: F010 is 1"), "{text}");
-    assert!(text.contains("not 3") && text.contains("vfd-gateway enable pump-1"), "{text}");
-    let read_only = DriveDescription { control: None, ..description.clone() };
+    assert!(
+        text.starts_with("the drive refuses bus commands: F010 is 1"),
+        "{text}"
+    );
+    assert!(
+        text.contains("not 3") && text.contains("vfd-gateway enable pump-1"),
+        "{text}"
+    );
+    let read_only = DriveDescription {
+        control: None,
+        ..description.clone()
+    };
     assert_eq!(advice(&read_only, &view), [], "it takes no commands");
 }
 
@@ -252,12 +437,16 @@ fn every_model_has_its_setup_judged_where_it_is_polled() {
         for (item, address) in polled {
             let mut good = right.clone();
             let mut bad = right.clone();
-            let wrong = (0..u16::MAX).find(|word| !item.values.value.contains(word)).unwrap();
+            let wrong = (0..u16::MAX)
+                .find(|word| !item.values.value.contains(word))
+                .unwrap();
             good.snapshot.take(address, &[item.values.value[0]], NOW);
             bad.snapshot.take(address, &[wrong], NOW);
             let names = |view: &DriveView| {
                 let text = format!("the drive refuses bus commands: {} is {wrong}", item.what);
-                advice(&description, view).iter().any(|(_, said)| said.starts_with(&text))
+                advice(&description, view)
+                    .iter()
+                    .any(|(_, said)| said.starts_with(&text))
             };
             assert!(names(&bad) && !names(&good), "{model} {}", item.what);
         }
@@ -268,20 +457,41 @@ fn every_model_has_its_setup_judged_where_it_is_polled() {
 fn a_watchdog_a_stop_without_effect_and_a_refusal_are_reported() {
     let description = description("hyundai-n700");
     let mut view = view(&description, 3);
-    view.watchdog = Some(WatchdogView { state: WatchdogState::Off, ..WatchdogView::default() });
+    view.watchdog = Some(WatchdogView {
+        state: WatchdogState::Off,
+        ..WatchdogView::default()
+    });
     view.status.bus_run = Some(false);
     let control = view.control.as_mut().unwrap();
     control.not_effective = true;
     control.failsafe = Some(FailSafeRun::due(FailSafe::Stop, Cause::CommanderLost, NOW));
     control.last = Some(Report::new(Outcome::Failed, Reason::KeptOldValue));
     let said = advice(&description, &view);
-    let has = |severity, part: &str| said.iter().any(|(it, text)| *it == severity && text.contains(part));
-    assert!(has(Severity::Problem, "obeys its panel or terminals"), "{said:?}");
-    assert!(has(Severity::Problem, "a stop shows no effect"), "{said:?}");
-    assert!(has(Severity::Problem, "the drive kept its old value; it may be locked"), "{said:?}");
-    assert!(has(Severity::Hint, "watchdog over the bus is off"), "{said:?}");
+    let has = |severity, part: &str| {
+        said.iter()
+            .any(|(it, text)| *it == severity && text.contains(part))
+    };
     assert!(
-        has(Severity::Problem, "the commander was lost. The declared action (stop) is due: nothing was sent"),
+        has(Severity::Problem, "obeys its panel or terminals"),
+        "{said:?}"
+    );
+    assert!(has(Severity::Problem, "a stop shows no effect"), "{said:?}");
+    assert!(
+        has(
+            Severity::Problem,
+            "the drive kept its old value; it may be locked"
+        ),
+        "{said:?}"
+    );
+    assert!(
+        has(Severity::Hint, "watchdog over the bus is off"),
+        "{said:?}"
+    );
+    assert!(
+        has(
+            Severity::Problem,
+            "the commander was lost. The declared action (stop) is due: nothing was sent"
+        ),
         "{said:?}"
     );
     view.control.as_mut().unwrap().last = Some(Report::new(Outcome::Confirmed, Reason::None));
@@ -297,14 +507,29 @@ fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached
             let due = FailSafeRun::due(FailSafe::Coast, cause, NOW);
             view.control.as_mut().unwrap().failsafe = Some(FailSafeRun { stage, ..due });
             let said = drive(&description, &view).advice(Interface::Rs485, NOW);
-            let told: Vec<_> =
-                said.iter().filter(|it| matches!(it.sign, Sign::CommanderLost | Sign::FailSafe)).collect();
-            let [told] = told.as_slice() else { panic!("{said:?}") };
+            let told: Vec<_> = said
+                .iter()
+                .filter(|it| matches!(it.sign, Sign::CommanderLost | Sign::FailSafe))
+                .collect();
+            let [told] = told.as_slice() else {
+                panic!("{said:?}")
+            };
             assert_eq!(told.sign == Sign::CommanderLost, cause.is_lost_commander());
             let text = told.text.to_string();
-            assert!(text.contains("coast") && !text.contains("finding."), "{text}");
-            assert_eq!(text.contains("was carried out"), stage == FailSafeStage::Effective, "{text}");
-            assert_eq!(text.contains("commander was lost"), cause == Cause::CommanderLost, "{text}");
+            assert!(
+                text.contains("coast") && !text.contains("finding."),
+                "{text}"
+            );
+            assert_eq!(
+                text.contains("was carried out"),
+                stage == FailSafeStage::Effective,
+                "{text}"
+            );
+            assert_eq!(
+                text.contains("commander was lost"),
+                cause == Cause::CommanderLost,
+                "{text}"
+            );
         }
     }
 }
@@ -313,17 +538,33 @@ fn a_declared_action_is_called_by_its_cause_and_by_the_stage_that_it_has_reached
 fn a_drive_that_may_still_run_is_the_first_problem_whether_the_line_is_up_or_down() {
     let description = description("hyundai-n700");
     for (line_is_up, output, part) in [
-        (true, Some(Hertz::from_millihertz(42_500)), "last seen running forward at 42.5 Hz. Go to the drive"),
+        (
+            true,
+            Some(Hertz::from_millihertz(42_500)),
+            "last seen running forward at 42.5 Hz. Go to the drive",
+        ),
         (false, None, "last seen running forward. Go to the drive"),
     ] {
         let mut view = view(&description, 0);
         view.line_is_up = line_is_up;
         view.snapshot.presence = Presence::Offline;
-        let last_seen = Some(LastSeen { run_state: RunState::Forward, output, at: SeenAt::Here(NOW) });
-        view.sight = SightView { last_seen, may_still_run: true };
+        let last_seen = Some(LastSeen {
+            run_state: RunState::Forward,
+            output,
+            at: SeenAt::Here(NOW),
+        });
+        view.sight = SightView {
+            last_seen,
+            may_still_run: true,
+        };
         let said = ranked(drive(&description, &view).advice(Interface::Rs485, NOW));
         let text = said[0].text.to_string();
-        assert!(said[0].sign == Sign::MayStillRun && text.contains("MAY STILL RUN") && text.contains(part), "{said:?}");
+        assert!(
+            said[0].sign == Sign::MayStillRun
+                && text.contains("MAY STILL RUN")
+                && text.contains(part),
+            "{said:?}"
+        );
     }
 }
 
@@ -331,7 +572,11 @@ fn a_drive_that_may_still_run_is_the_first_problem_whether_the_line_is_up_or_dow
 fn a_warning_is_told_as_long_as_it_is_fresh_and_the_drive_answers() {
     let mut description = description("teco-e510");
     let mut model = (*description.model).clone();
-    let register = model.registers.iter_mut().find(|it| it.role == Some(Role::TripCode)).unwrap();
+    let register = model
+        .registers
+        .iter_mut()
+        .find(|it| it.role == Some(Role::TripCode))
+        .unwrap();
     register.role = Some(Role::WarningCode);
     let address = register.address;
     description.model = Arc::new(model);
@@ -359,24 +604,46 @@ fn a_tripped_drive_is_the_first_of_all_problems() {
     view.trip_kept.last_code = Some(16);
     view.control.as_mut().unwrap().not_effective = true;
     let said = drive(&description, &view).advice(Interface::Rs485, NOW);
-    let tripped = said.iter().find(|it| it.text.to_string().starts_with("the drive is tripped: 16")).unwrap();
-    assert_eq!((tripped.severity, tripped.severity.word()), (Severity::Trip, "problem"));
-    let others = said.iter().filter(|it| it.severity != Severity::Trip).cloned();
+    let tripped = said
+        .iter()
+        .find(|it| it.text.to_string().starts_with("the drive is tripped: 16"))
+        .unwrap();
+    assert_eq!(
+        (tripped.severity, tripped.severity.word()),
+        (Severity::Trip, "problem")
+    );
+    let others = said
+        .iter()
+        .filter(|it| it.severity != Severity::Trip)
+        .cloned();
     let all = ranked(others.chain([tripped.clone()]));
     assert_eq!(all.first(), Some(tripped));
     view.snapshot.presence = Presence::Offline;
-    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")), "it is unknown by now");
+    assert!(
+        advice(&description, &view)
+            .iter()
+            .all(|(_, text)| !text.contains("tripped")),
+        "it is unknown by now"
+    );
     view.snapshot.presence = Presence::Online;
     view.trip.active = Some(false);
-    assert!(advice(&description, &view).iter().all(|(_, text)| !text.contains("tripped")));
+    assert!(
+        advice(&description, &view)
+            .iter()
+            .all(|(_, text)| !text.contains("tripped"))
+    );
 }
 
 #[test]
 fn a_value_says_how_often_it_is_read() {
     let description = description("toshiba-vf-s15");
     let shown = document(&description, &view(&description, 3000), NOW);
-    let of = |name: &str| values(&shown).iter().find(|it| it["name"] == name).unwrap()["poll"].clone();
-    assert_eq!((of("output_frequency"), of("model_code")), (json!("fast"), json!("hourly")));
+    let of =
+        |name: &str| values(&shown).iter().find(|it| it["name"] == name).unwrap()["poll"].clone();
+    assert_eq!(
+        (of("output_frequency"), of("model_code")),
+        (json!("fast"), json!("hourly"))
+    );
 }
 
 #[test]
@@ -385,7 +652,12 @@ fn a_setpoint_outside_the_limits_is_reported() {
     let mut view = view(&description, 3);
     view.snapshot.take(SETTING.into(), &[6000], NOW);
     let said = advice(&description, &view);
-    assert!(said[0].1.contains("setpoint of 60 Hz is outside 5 to 50 Hz"), "{said:?}");
+    assert!(
+        said[0]
+            .1
+            .contains("setpoint of 60 Hz is outside 5 to 50 Hz"),
+        "{said:?}"
+    );
 }
 
 fn up() -> LineReport {
@@ -397,15 +669,25 @@ fn up() -> LineReport {
             each_further: Duration::from_millis(31),
         },
         planned_use_per_mille: 125,
-        measured: LineMeasured { longest_stop: Duration::from_millis(17), ..LineMeasured::default() },
+        measured: LineMeasured {
+            longest_stop: Duration::from_millis(17),
+            ..LineMeasured::default()
+        },
         ..LineReport::default()
     }
 }
 
 fn with_line<T>(report: LineReport, hangs: bool, made: impl FnOnce(&Line<'_>) -> T) -> T {
     let name = |text| Name::new(text).unwrap();
-    let wiring = Wiring { port: "/dev/ttyS0".to_owned(), stations: vec![Station(3)], ..Wiring::default() };
-    let rates = Some(Rates { use_per_cent: 33.333, exchanges_per_s: 12.0 });
+    let wiring = Wiring {
+        port: "/dev/ttyS0".to_owned(),
+        stations: vec![Station(3)],
+        ..Wiring::default()
+    };
+    let rates = Some(Rates {
+        use_per_cent: 33.333,
+        exchanges_per_s: 12.0,
+    });
     let line = name("hall-1");
     let pump = name("pump-1");
     made(&Line {
@@ -432,52 +714,142 @@ fn a_line_shows_its_wires_its_use_and_its_stops() {
     });
     assert_eq!(shown, right);
     let down = with_line(LineReport::default(), false, |line| line.document());
-    assert_eq!((&down["state"], &down["reason"]), (&json!("down"), &json!("not opened yet")));
+    assert_eq!(
+        (&down["state"], &down["reason"]),
+        (&json!("down"), &json!("not opened yet"))
+    );
 }
 
 #[test]
 fn a_line_in_trouble_says_what_to_look_at() {
     let said = |report, hangs| -> Vec<String> {
         let advice = with_line(report, hangs, |line| line.advice());
-        assert!(advice.iter().all(|it| it.line == Name::new("hall-1") && it.drive.is_none()));
-        advice.into_iter().map(|it| format!("{}: {}", it.severity.word(), it.text)).collect()
+        assert!(
+            advice
+                .iter()
+                .all(|it| it.line == Name::new("hall-1") && it.drive.is_none())
+        );
+        advice
+            .into_iter()
+            .map(|it| format!("{}: {}", it.severity.word(), it.text))
+            .collect()
     };
     assert_eq!(said(up(), false), [] as [&str; 0]);
-    let gone = LineReport { fault: Some(LineFault::Gone), ..LineReport::default() };
+    let gone = LineReport {
+        fault: Some(LineFault::Gone),
+        ..LineReport::default()
+    };
     let text = &said(gone, false)[0];
-    assert!(text.starts_with("problem: the line is down: the device is gone; check that /dev/ttyS0"), "{text}");
-    for fault in [LineFault::Failed, LineFault::Stuck, LineFault::Mute, LineFault::Echo, LineFault::Jammed] {
-        let said = said(LineReport { fault: Some(fault), ..LineReport::default() }, false);
-        assert!(said.len() == 1 && said[0].contains(&fault.to_string()), "{said:?}");
+    assert!(
+        text.starts_with("problem: the line is down: the device is gone; check that /dev/ttyS0"),
+        "{text}"
+    );
+    for fault in [
+        LineFault::Failed,
+        LineFault::Stuck,
+        LineFault::Mute,
+        LineFault::Echo,
+        LineFault::Jammed,
+    ] {
+        let said = said(
+            LineReport {
+                fault: Some(fault),
+                ..LineReport::default()
+            },
+            false,
+        );
+        assert!(
+            said.len() == 1 && said[0].contains(&fault.to_string()),
+            "{said:?}"
+        );
     }
     let hung = said(up(), true);
     assert!(hung[0].contains("restart the gateway"), "{hung:?}");
-    let suspected = said(LineReport { suspicion: Some(Suspicion::DuplicateStation(Station(3))), ..up() }, false);
-    assert!(suspected[0].contains("more answers from station 3 than requests to it"), "{suspected:?}");
-    let bad = |bad_per_cent, is_suspended| LineQuality { bad_per_cent: Some(bad_per_cent), is_suspended };
-    let suspended = said(LineReport { quality: bad(12, true), ..up() }, false);
-    assert!(suspended[0].starts_with("problem: 12 % of the last exchanges failed: run orders"), "{suspended:?}");
-    let poor = said(LineReport { quality: bad(2, false), ..up() }, false);
+    let suspected = said(
+        LineReport {
+            suspicion: Some(Suspicion::DuplicateStation(Station(3))),
+            ..up()
+        },
+        false,
+    );
+    assert!(
+        suspected[0].contains("more answers from station 3 than requests to it"),
+        "{suspected:?}"
+    );
+    let bad = |bad_per_cent, is_suspended| LineQuality {
+        bad_per_cent: Some(bad_per_cent),
+        is_suspended,
+    };
+    let suspended = said(
+        LineReport {
+            quality: bad(12, true),
+            ..up()
+        },
+        false,
+    );
+    assert!(
+        suspended[0].starts_with("problem: 12 % of the last exchanges failed: run orders"),
+        "{suspended:?}"
+    );
+    let poor = said(
+        LineReport {
+            quality: bad(2, false),
+            ..up()
+        },
+        false,
+    );
     assert!(poor[0].starts_with("hint: 2 %"), "{poor:?}");
-    let full = said(LineReport { planned_use_per_mille: 1430, ..up() }, false);
-    assert!(full[0].starts_with("hint: the polls would need 143 %"), "{full:?}");
+    let full = said(
+        LineReport {
+            planned_use_per_mille: 1430,
+            ..up()
+        },
+        false,
+    );
+    assert!(
+        full[0].starts_with("hint: the polls would need 143 %"),
+        "{full:?}"
+    );
 }
 
 #[test]
 fn a_line_with_several_gateways_tells_who_sends() {
     let told = |role, hears_other, rivals, trouble| {
         let listener = (role == LineRole::Active).then_some(rivals == 0);
-        let standby =
-            StandbyReport { role, take_overs: 1, given_up: 1, rivals, hears_other, listener, kept: 0, trouble };
-        let advice = with_line(LineReport { standby: Some(standby), ..up() }, false, |line| line.advice());
+        let standby = StandbyReport {
+            role,
+            take_overs: 1,
+            given_up: 1,
+            rivals,
+            hears_other,
+            listener,
+            kept: 0,
+            trouble,
+        };
+        let advice = with_line(
+            LineReport {
+                standby: Some(standby),
+                ..up()
+            },
+            false,
+            |line| line.advice(),
+        );
         advice.into_iter().map(|it| it.sign).collect::<Vec<_>>()
     };
-    let said = |role, hears_other, rivals| told(role, hears_other, rivals, StandbyTrouble::default());
+    let said =
+        |role, hears_other, rivals| told(role, hears_other, rivals, StandbyTrouble::default());
     assert_eq!(said(LineRole::Listening, true, 0), []);
     assert_eq!(said(LineRole::Active, false, 0), []);
     assert_eq!(said(LineRole::Listening, false, 0), [Sign::NoGatewayActive]);
-    assert_eq!(said(LineRole::Active, false, 2), [Sign::NoListener, Sign::RivalOnLine]);
-    let trouble = StandbyTrouble { is_deaf: true, files_differ: true, unknown_station: Some(Station(9)) };
+    assert_eq!(
+        said(LineRole::Active, false, 2),
+        [Sign::NoListener, Sign::RivalOnLine]
+    );
+    let trouble = StandbyTrouble {
+        is_deaf: true,
+        files_differ: true,
+        unknown_station: Some(Station(9)),
+    };
     let signs = [Sign::LineDeaf, Sign::FilesDiffer, Sign::Stranger];
     assert_eq!(told(LineRole::Listening, true, 0, trouble), signs);
 }
@@ -486,9 +858,21 @@ fn a_line_with_several_gateways_tells_who_sends() {
 fn a_drive_shows_whether_its_gateway_is_on_standby() {
     let description = description("hyundai-n700");
     let view = view(&description, 3000);
-    for (standby, right) in [(None, json!(null)), (Some(LineRole::Listening), json!("listening"))] {
-        let drive = Drive { standby, ..drive(&description, &view) };
-        assert_eq!(drive.document(&Present { now: NOW, clock: &clock() })["standby"], right);
+    for (standby, right) in [
+        (None, json!(null)),
+        (Some(LineRole::Listening), json!("listening")),
+    ] {
+        let drive = Drive {
+            standby,
+            ..drive(&description, &view)
+        };
+        assert_eq!(
+            drive.document(&Present {
+                now: NOW,
+                clock: &clock()
+            })["standby"],
+            right
+        );
     }
 }
 
@@ -498,7 +882,10 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         name: "plant-a".to_owned(),
         started_at: NOW_TEXT.to_owned(),
         is_ready: true,
-        mqtt: Some(BrokerWay { is_connected: true, ..BrokerWay::default() }),
+        mqtt: Some(BrokerWay {
+            is_connected: true,
+            ..BrokerWay::default()
+        }),
         journal: Some(JournalState {
             state: "ok",
             is_ok: true,
@@ -511,7 +898,10 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
     };
     assert_eq!(sound.advice(), []);
     let shown = sound.document(61);
-    assert_eq!((&shown["uptime_s"], &shown["mqtt"]["connected"]), (&json!(61), &json!(true)));
+    assert_eq!(
+        (&shown["uptime_s"], &shown["mqtt"]["connected"]),
+        (&json!(61), &json!(true))
+    );
     assert_eq!(shown["journal"], json!({ "state": "ok", "reason": null }));
     let journal = JournalState {
         state: "failed",
@@ -522,26 +912,93 @@ fn the_gateway_tells_of_its_broker_and_its_journal() {
         replaced: Some("its file was deleted".to_owned()),
     };
     let lost_reason = Some("broker:1883: Connection refused".to_owned());
-    let away = BrokerWay { lost_reason, ..BrokerWay::default() };
-    let said = Gateway { mqtt: Some(away), ..sound.clone() }.advice();
-    assert!(said[0].text.to_string().contains("not reached (broker:1883: Connection refused)"), "{said:?}");
-    let alone = BrokerWay { is_connected: true, is_partner_missing: true, ..BrokerWay::default() };
-    let said = Gateway { mqtt: Some(alone), ..sound.clone() }.advice();
-    assert!(said[0].text.to_string().contains("the other gateway"), "{said:?}");
+    let away = BrokerWay {
+        lost_reason,
+        ..BrokerWay::default()
+    };
+    let said = Gateway {
+        mqtt: Some(away),
+        ..sound.clone()
+    }
+    .advice();
+    assert!(
+        said[0]
+            .text
+            .to_string()
+            .contains("not reached (broker:1883: Connection refused)"),
+        "{said:?}"
+    );
+    let alone = BrokerWay {
+        is_connected: true,
+        is_partner_missing: true,
+        ..BrokerWay::default()
+    };
+    let said = Gateway {
+        mqtt: Some(alone),
+        ..sound.clone()
+    }
+    .advice();
+    assert!(
+        said[0].text.to_string().contains("the other gateway"),
+        "{said:?}"
+    );
     let topic = "vfd/plant-a/drive/pump-1/state".to_owned();
-    let oversized = vec![Oversized { topic, bytes: 2_612, limit: 2_000 }];
+    let oversized = vec![Oversized {
+        topic,
+        bytes: 2_612,
+        limit: 2_000,
+    }];
     let clients_gone = Some("homeassistant/status".to_owned());
-    let restrained = BrokerWay { is_connected: true, oversized, clients_gone, ..BrokerWay::default() };
-    let said = Gateway { mqtt: Some(restrained), ..sound.clone() }.advice();
-    let parts = ["up to 2000 bytes, and 1 topics", "homeassistant/status says"];
+    let restrained = BrokerWay {
+        is_connected: true,
+        oversized,
+        clients_gone,
+        ..BrokerWay::default()
+    };
+    let said = Gateway {
+        mqtt: Some(restrained),
+        ..sound.clone()
+    }
+    .advice();
+    let parts = [
+        "up to 2000 bytes, and 1 topics",
+        "homeassistant/status says",
+    ];
     assert_eq!(said.len(), parts.len());
-    assert!(said.iter().zip(parts).all(|(it, part)| it.text.to_string().contains(part)), "{said:?}");
-    assert!(said[0].text.to_string().contains("pump-1/state with 2612"), "{said:?}");
-    let mqtt = Some(BrokerWay { is_contested: true, ..BrokerWay::default() });
-    let said: Vec<_> = Gateway { mqtt, journal: Some(journal), ..sound }.advice();
-    let parts = ["another client", "(disk full)", "kept as old.db", "was deleted: leave", "2 rows"];
+    assert!(
+        said.iter()
+            .zip(parts)
+            .all(|(it, part)| it.text.to_string().contains(part)),
+        "{said:?}"
+    );
+    assert!(
+        said[0].text.to_string().contains("pump-1/state with 2612"),
+        "{said:?}"
+    );
+    let mqtt = Some(BrokerWay {
+        is_contested: true,
+        ..BrokerWay::default()
+    });
+    let said: Vec<_> = Gateway {
+        mqtt,
+        journal: Some(journal),
+        ..sound
+    }
+    .advice();
+    let parts = [
+        "another client",
+        "(disk full)",
+        "kept as old.db",
+        "was deleted: leave",
+        "2 rows",
+    ];
     assert_eq!(said.len(), parts.len());
-    assert!(said.iter().zip(parts).all(|(it, part)| it.text.to_string().contains(part)), "{said:?}");
+    assert!(
+        said.iter()
+            .zip(parts)
+            .all(|(it, part)| it.text.to_string().contains(part)),
+        "{said:?}"
+    );
 }
 
 #[test]
@@ -553,12 +1010,23 @@ fn the_trend_of_every_model_has_the_columns_that_it_can_fill() {
         trends.change_to([&description]);
         trends.note(NOW, [drive(&description, &view)]);
         let shown = trends.document("pump-1", 1_706_688_000).unwrap();
-        let names: Vec<_> =
-            shown["columns"].as_array().unwrap().iter().map(|it| it["name"].as_str().unwrap()).collect();
+        let names: Vec<_> = shown["columns"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| it["name"].as_str().unwrap())
+            .collect();
         assert_eq!(names[..2], ["output_frequency", "setpoint"], "{model}");
         assert_eq!(shown["values"].as_array().unwrap().len(), names.len());
-        assert_eq!(shown["values"][0], json!([29.99]), "{model}: as exact as it was");
-        assert_eq!((&shown["step_s"], &shown["end_at_s"]), (&json!(2), &json!(1_706_688_000)));
+        assert_eq!(
+            shown["values"][0],
+            json!([29.99]),
+            "{model}: as exact as it was"
+        );
+        assert_eq!(
+            (&shown["step_s"], &shown["end_at_s"]),
+            (&json!(2), &json!(1_706_688_000))
+        );
     }
     assert!(Trends::default().document("pump-1", 0).is_none());
 }
@@ -568,22 +1036,38 @@ fn a_trend_keeps_an_hour_with_gaps_where_nothing_was_known() {
     let description = description("hyundai-n700");
     let mut trends = Trends::default();
     trends.change_to([&description]);
-    let rows = |trends: &Trends| trends.document("pump-1", 0).unwrap()["values"][0].as_array().unwrap().clone();
+    let rows = |trends: &Trends| {
+        trends.document("pump-1", 0).unwrap()["values"][0]
+            .as_array()
+            .unwrap()
+            .clone()
+    };
     let at = |row: u32| NOW + STEP * row;
     let mut fresh = view(&description, 0);
     for row in 0..2000 {
         assert!(trends.is_due(at(row)));
-        fresh.snapshot.take(OUTPUT.into(), &[u16::try_from(row).unwrap()], at(row));
+        fresh
+            .snapshot
+            .take(OUTPUT.into(), &[u16::try_from(row).unwrap()], at(row));
         trends.note(at(row), [drive(&description, &fresh)]);
         assert!(!trends.is_due(at(row) + Duration::from_millis(1999)));
     }
     let kept = rows(&trends);
-    assert_eq!((kept.len(), &kept[0], &kept[ROWS_MAX - 1]), (ROWS_MAX, &json!(2.0), &json!(19.99)));
+    assert_eq!(
+        (kept.len(), &kept[0], &kept[ROWS_MAX - 1]),
+        (ROWS_MAX, &json!(2.0), &json!(19.99))
+    );
     // Nothing was read since, and two rows were missed.
     trends.note(at(2002), [drive(&description, &fresh)]);
-    assert_eq!(rows(&trends)[ROWS_MAX - 4..], [json!(19.99), Value::Null, Value::Null, Value::Null]);
+    assert_eq!(
+        rows(&trends)[ROWS_MAX - 4..],
+        [json!(19.99), Value::Null, Value::Null, Value::Null]
+    );
     trends.note(at(1_000_000), [drive(&description, &fresh)]);
-    assert!(rows(&trends).len() == ROWS_MAX && rows(&trends).iter().all(Value::is_null), "after a long sleep");
+    assert!(
+        rows(&trends).len() == ROWS_MAX && rows(&trends).iter().all(Value::is_null),
+        "after a long sleep"
+    );
     assert_eq!(trends.newest_at(), Some(at(1_000_000)));
 }
 
@@ -597,9 +1081,23 @@ fn a_drive_that_stays_the_same_keeps_its_trend_over_a_change_of_the_configuratio
     trends.note(NOW, [drive(&old, &view)]);
     other.name = Name::new("pump-2").unwrap();
     trends.change_to([&other, &old]);
-    let rows = |trends: &Trends, name| trends.document(name, 0).map(|it| it["values"][0].as_array().unwrap().len());
-    assert_eq!((rows(&trends, "pump-1"), rows(&trends, "pump-2")), (Some(1), Some(0)));
-    let replaced = DriveDescription { name: old.name.clone(), ..other.clone() };
+    let rows = |trends: &Trends, name| {
+        trends
+            .document(name, 0)
+            .map(|it| it["values"][0].as_array().unwrap().len())
+    };
+    assert_eq!(
+        (rows(&trends, "pump-1"), rows(&trends, "pump-2")),
+        (Some(1), Some(0))
+    );
+    let replaced = DriveDescription {
+        name: old.name.clone(),
+        ..other.clone()
+    };
     trends.change_to([&replaced]);
-    assert_eq!((rows(&trends, "pump-1"), rows(&trends, "pump-2")), (Some(0), None), "another drive of that name");
+    assert_eq!(
+        (rows(&trends, "pump-1"), rows(&trends, "pump-2")),
+        (Some(0), None),
+        "another drive of that name"
+    );
 }

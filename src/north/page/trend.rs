@@ -33,7 +33,9 @@ impl Trends {
         let mut old = std::mem::take(&mut self.drives);
         for drive in drives {
             let new = Trend::of(drive);
-            let known = old.remove(&drive.name).filter(|known| known.columns == new.columns);
+            let known = old
+                .remove(&drive.name)
+                .filter(|known| known.columns == new.columns);
             self.drives.insert(drive.name.clone(), known.unwrap_or(new));
         }
     }
@@ -47,7 +49,9 @@ impl Trends {
     /// Takes a row of each of `drives`. Rows that were missed are empty: after a suspend, for example.
     pub fn note<'d>(&mut self, now: MonoTime, drives: impl IntoIterator<Item = Drive<'d>>) {
         let step = steps(now);
-        let missed = self.newest.map_or(0, |newest| step.saturating_sub(newest).saturating_sub(1));
+        let missed = self
+            .newest
+            .map_or(0, |newest| step.saturating_sub(newest).saturating_sub(1));
         let missed = usize::try_from(missed).unwrap_or(ROWS_MAX).min(ROWS_MAX);
         for drive in drives {
             if let Some(trend) = self.drives.get_mut(&drive.description.name) {
@@ -94,23 +98,42 @@ struct Trend {
 impl Trend {
     fn of(drive: &DriveDescription) -> Self {
         let column = |role| Column::of_register(drive, drive.model.register_for(role)?);
-        let [output, current, voltage] = [Role::OutputFrequency, Role::OutputCurrent, Role::DcLinkVoltage].map(column);
+        let [output, current, voltage] = [
+            Role::OutputFrequency,
+            Role::OutputCurrent,
+            Role::DcLinkVoltage,
+        ]
+        .map(column);
         let columns = [output, Column::of_setpoint(drive), current, voltage];
-        Self { columns: columns.into_iter().flatten().collect(), cells: VecDeque::new() }
+        Self {
+            columns: columns.into_iter().flatten().collect(),
+            cells: VecDeque::new(),
+        }
     }
 
     fn push(&mut self, value: impl Fn(&Column) -> Option<f64>) {
         if self.cells.len() >= ROWS_MAX * self.columns.len() {
             self.cells.drain(..self.columns.len().min(self.cells.len()));
         }
-        self.cells.extend(self.columns.iter().map(|column| value(column).map_or(f32::NAN, |value| value as f32)));
+        self.cells.extend(
+            self.columns
+                .iter()
+                .map(|column| value(column).map_or(f32::NAN, |value| value as f32)),
+        );
     }
 
     /// Column by column.
     fn values(&self) -> Vec<Vec<Option<f64>>> {
-        let cells = |place| self.cells.iter().skip(place).step_by(self.columns.len().max(1));
+        let cells = |place| {
+            self.cells
+                .iter()
+                .skip(place)
+                .step_by(self.columns.len().max(1))
+        };
         let columns = self.columns.iter().enumerate();
-        columns.map(|(place, column)| cells(place).map(|cell| column.rounded(*cell)).collect()).collect()
+        columns
+            .map(|(place, column)| cells(place).map(|cell| column.rounded(*cell)).collect())
+            .collect()
     }
 }
 
@@ -144,22 +167,46 @@ impl Column {
             Some(rated) => {
                 let unit = rated.unit.symbol();
                 let source = Source::Rated(register.name.clone(), rated);
-                Self { name, label, unit, digits: USUAL_DIGITS, source }
+                Self {
+                    name,
+                    label,
+                    unit,
+                    digits: USUAL_DIGITS,
+                    source,
+                }
             }
             None => {
                 let unit = register.unit.symbol();
                 let source = Source::Register(register.name.clone());
-                Self { name, label, unit, digits: register.digits(), source }
+                Self {
+                    name,
+                    label,
+                    unit,
+                    digits: register.digits(),
+                    source,
+                }
             }
         })
     }
 
     pub fn of_setpoint(drive: &DriveDescription) -> Option<Self> {
-        let polled = drive.model.setting_register().filter(|register| register.poll.is_some());
+        let polled = drive
+            .model
+            .setting_register()
+            .filter(|register| register.poll.is_some());
         let digits = polled.map_or(USUAL_DIGITS, Register::digits);
-        let label = polled.map_or_else(|| "Setpoint that was commanded".to_owned(), |it| it.title.clone());
+        let label = polled.map_or_else(
+            || "Setpoint that was commanded".to_owned(),
+            |it| it.title.clone(),
+        );
         let is_there = polled.is_some() || drive.control.is_some();
-        is_there.then_some(Self { name: "setpoint".to_owned(), label, unit: "Hz", digits, source: Source::Setpoint })
+        is_there.then_some(Self {
+            name: "setpoint".to_owned(),
+            label,
+            unit: "Hz",
+            digits,
+            source: Source::Setpoint,
+        })
     }
 
     fn document(&self) -> Value {
@@ -187,13 +234,20 @@ impl Source {
     /// The value, unless it is stale.
     fn read(&self, drive: &Drive<'_>, now: MonoTime) -> Option<f64> {
         let read = |name: &str| {
-            let register = drive.description.model.registers.iter().find(|register| register.name == name)?;
+            let register = drive
+                .description
+                .model
+                .registers
+                .iter()
+                .find(|register| register.name == name)?;
             Some(fresh(drive.description, register, drive.view, now)?.value)
         };
         match self {
             Self::Setpoint => drive.setpoint(now),
             Self::Register(name) => read(name).map(Scaled::value),
-            Self::Rated(name, rated) => read(name).map(|value| rated.to_digits(value, USUAL_DIGITS).value()),
+            Self::Rated(name, rated) => {
+                read(name).map(|value| rated.to_digits(value, USUAL_DIGITS).value())
+            }
         }
     }
 }

@@ -8,7 +8,12 @@ use serde_json::{Value, json};
 
 /// What happened between two views of `drive`, in order. Of several trips between them the newest is reported.
 #[must_use]
-pub fn between(present: &Present<'_>, drive: &DriveDescription, before: &DriveView, after: &DriveView) -> Vec<Value> {
+pub fn between(
+    present: &Present<'_>,
+    drive: &DriveDescription,
+    before: &DriveView,
+    after: &DriveView,
+) -> Vec<Value> {
     let has_tripped = after.trip.seen > before.trip.seen;
     let was_active = before.trip.active == Some(true) || has_tripped;
     let mut told = Vec::new();

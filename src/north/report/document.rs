@@ -33,7 +33,8 @@ pub fn document(name: &Name, wiring: &Wiring, observed: &Observed) -> Value {
 /// Shares are of all exchanges; null if there were none.
 fn rates(observed: &Observed) -> Value {
     let all = observed.exchanges();
-    let per_mille = |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);
+    let per_mille =
+        |count: u64| (all > 0).then(|| (count as f64 * 10_000.0 / all as f64).round() / 10.0);
     json!({
         "exchanges": all,
         "good_per_mille": per_mille(observed.sum(|drive| drive.exchanges.replies + drive.exchanges.exceptions)),
@@ -49,8 +50,15 @@ fn rates(observed: &Observed) -> Value {
 }
 
 fn drive(drive: &DriveObserved, line_is_up: bool) -> Value {
-    let DriveObserved { now, exchanges, damage } = drive;
-    let replies = REPLY_CLASSES.into_iter().zip(&now.report.replies).filter(|(_, reply)| reply.count > 0);
+    let DriveObserved {
+        now,
+        exchanges,
+        damage,
+    } = drive;
+    let replies = REPLY_CLASSES
+        .into_iter()
+        .zip(&now.report.replies)
+        .filter(|(_, reply)| reply.count > 0);
     json!({
         "name": now.name.as_str(),
         "station": now.station.0,
@@ -101,18 +109,27 @@ mod tests {
     fn a_good_line_is_reported_in_numbers() {
         let told = document(&line_name(), &Wiring::default(), &good());
         assert_eq!(told["link"], "9600 8N1");
-        assert_eq!((&told["state"], &told["reason"], &told["suspicion"]), (&"up".into(), &Value::Null, &Value::Null));
+        assert_eq!(
+            (&told["state"], &told["reason"], &told["suspicion"]),
+            (&"up".into(), &Value::Null, &Value::Null)
+        );
         assert_eq!(told["observed_s"], 30.0);
         assert_eq!(told["rates"]["exchanges"], 2000);
         assert_eq!(told["rates"]["good_per_mille"], 1000.0);
         assert_eq!(told["verdict"].as_array().map(Vec::len), Some(1), "{told}");
         let drive = &told["drives"][0];
-        assert_eq!((&drive["name"], &drive["station"], &drive["presence"]), (&"a".into(), &1.into(), &"online".into()));
+        assert_eq!(
+            (&drive["name"], &drive["station"], &drive["presence"]),
+            (&"a".into(), &1.into(), &"online".into())
+        );
         let replies = drive["replies"].as_array().unwrap();
         assert_eq!(replies.len(), 1, "of writes nothing is known");
         let read = |key: &str| replies[0][key].clone();
         assert_eq!(read("class"), "read");
-        assert_eq!((read("p50_ms"), read("suggested_timeout_ms")), (4.0.into(), 30.0.into()));
+        assert_eq!(
+            (read("p50_ms"), read("suggested_timeout_ms")),
+            (4.0.into(), 30.0.into())
+        );
     }
 
     #[test]
@@ -126,7 +143,12 @@ mod tests {
         drive.damage.damaged = 10;
         observed.strays = 4;
         let rates = &document(&line_name(), &Wiring::default(), &observed)["rates"];
-        for (key, per_mille) in [("good", 992.5), ("silent", 2.5), ("garbled", 5.0), ("stray", 2.0)] {
+        for (key, per_mille) in [
+            ("good", 992.5),
+            ("silent", 2.5),
+            ("garbled", 5.0),
+            ("stray", 2.0),
+        ] {
             assert_eq!(rates[format!("{key}_per_mille")], per_mille, "{key}");
         }
     }
@@ -134,6 +156,9 @@ mod tests {
     #[test]
     fn nothing_is_a_share_of_nothing() {
         let rates = &document(&line_name(), &Wiring::default(), &idle())["rates"];
-        assert_eq!((&rates["exchanges"], &rates["good_per_mille"]), (&0.into(), &Value::Null));
+        assert_eq!(
+            (&rates["exchanges"], &rates["good_per_mille"]),
+            (&0.into(), &Value::Null)
+        );
     }
 }

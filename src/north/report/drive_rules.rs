@@ -37,8 +37,11 @@ pub(super) fn duplicate_station(seen: &Observed, drive: &DriveObserved) -> Findi
     let station = drive.now.station;
     let doubled = drive.damage.doubled;
     let is_told = seen.line.suspicion == Some(Suspicion::DuplicateStation(station));
-    let text =
-        || Sentence::new("finding.duplicate_station").with("answers", doubled).with("station", u64::from(station.0));
+    let text = || {
+        Sentence::new("finding.duplicate_station")
+            .with("answers", doubled)
+            .with("station", u64::from(station.0))
+    };
     (doubled >= SIGNS && !is_told).then(|| (Severity::Problem, text()))
 }
 
@@ -63,7 +66,9 @@ enum Pattern {
 pub(super) fn first_characters(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let DamageCounts { head, damaged, .. } = drive.damage;
     said(seen, drive, Pattern::FirstCharacters, || {
-        Sentence::new("finding.first_characters").with("replies", head).with("damaged", damaged)
+        Sentence::new("finding.first_characters")
+            .with("replies", head)
+            .with("damaged", damaged)
     })
 }
 
@@ -72,15 +77,25 @@ pub(super) fn cut(seen: &Observed, drive: &DriveObserved) -> FindingText {
     // A contact that is loose lets some replies through.
     let is_always = cut == damaged && drive.exchanges.replies + drive.exchanges.exceptions == 0;
     said(seen, drive, Pattern::Cut, || {
-        let text = Sentence::new(if is_always { "finding.cut_always" } else { "finding.cut" });
+        let text = Sentence::new(if is_always {
+            "finding.cut_always"
+        } else {
+            "finding.cut"
+        });
         text.with("replies", cut).with("damaged", damaged)
     })
 }
 
 pub(super) fn long_frames(seen: &Observed, drive: &DriveObserved) -> FindingText {
-    let DamageCounts { damaged, long_damaged, .. } = drive.damage;
+    let DamageCounts {
+        damaged,
+        long_damaged,
+        ..
+    } = drive.damage;
     said(seen, drive, Pattern::LongFrames, || {
-        Sentence::new("finding.long_frames").with("replies", long_damaged).with("damaged", damaged)
+        Sentence::new("finding.long_frames")
+            .with("replies", long_damaged)
+            .with("damaged", damaged)
     })
 }
 
@@ -88,7 +103,9 @@ pub(super) fn one_station(seen: &Observed, drive: &DriveObserved) -> FindingText
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
     said(seen, drive, Pattern::OneStation, || {
-        let alone = Sentence::new("finding.one_station").with("damaged", damaged).with("replies", all);
+        let alone = Sentence::new("finding.one_station")
+            .with("damaged", damaged)
+            .with("replies", all);
         alone.with("station", u64::from(drive.now.station.0))
     })
 }
@@ -97,32 +114,55 @@ pub(super) fn damaged(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let damaged = drive.damage.damaged;
     let all = drive.exchanges.total();
     said(seen, drive, Pattern::Spread, || {
-        Sentence::new("finding.damaged").with("damaged", damaged).with("replies", all)
+        Sentence::new("finding.damaged")
+            .with("damaged", damaged)
+            .with("replies", all)
     })
 }
 
-fn said(seen: &Observed, drive: &DriveObserved, pattern: Pattern, text: impl FnOnce() -> Sentence) -> FindingText {
+fn said(
+    seen: &Observed,
+    drive: &DriveObserved,
+    pattern: Pattern,
+    text: impl FnOnce() -> Sentence,
+) -> FindingText {
     let severity = graded(drive.damage.damaged, drive.exchanges.total())?;
     // What is suspected of the whole line already says what to do.
-    let is_told = seen
-        .line
-        .suspicion
-        .is_some_and(|suspicion| !matches!(suspicion, Suspicion::OneSilent(_) | Suspicion::OneUnitSilent(_)));
+    let is_told = seen.line.suspicion.is_some_and(|suspicion| {
+        !matches!(
+            suspicion,
+            Suspicion::OneSilent(_) | Suspicion::OneUnitSilent(_)
+        )
+    });
     (!is_told && pattern_of(seen, drive) == pattern).then(|| (severity, text()))
 }
 
 fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
-    let DamageCounts { damaged, head, cut, long, long_damaged, .. } = drive.damage;
+    let DamageCounts {
+        damaged,
+        head,
+        cut,
+        long,
+        long_damaged,
+        ..
+    } = drive.damage;
     let all = drive.exchanges.total();
     let short_damaged = damaged.saturating_sub(long_damaged);
     let short = all.saturating_sub(long);
     let is_by_length = long.min(short) >= ENOUGH
         && long_damaged >= SIGNS
         && long_damaged * short >= LONG_TIMES * short_damaged.max(1) * long;
-    let others = || seen.drives.iter().filter(|other| other.now.name != drive.now.name);
-    let (of_others, all_others): (u64, u64) =
-        (others().map(|it| it.damage.damaged).sum(), others().map(|it| it.exchanges.total()).sum());
-    let is_alone = all_others >= ENOUGH && damaged * all_others >= ALONE_TIMES * of_others.max(1) * all;
+    let others = || {
+        seen.drives
+            .iter()
+            .filter(|other| other.now.name != drive.now.name)
+    };
+    let (of_others, all_others): (u64, u64) = (
+        others().map(|it| it.damage.damaged).sum(),
+        others().map(|it| it.exchanges.total()).sum(),
+    );
+    let is_alone =
+        all_others >= ENOUGH && damaged * all_others >= ALONE_TIMES * of_others.max(1) * all;
     if head * 2 >= damaged {
         Pattern::FirstCharacters
     } else if cut * 2 >= damaged {
@@ -139,8 +179,20 @@ fn pattern_of(seen: &Observed, drive: &DriveObserved) -> Pattern {
 pub(super) fn late(_: &Observed, drive: &DriveObserved) -> FindingText {
     let late = drive.damage.late;
     let severity = graded(late, drive.exchanges.total())?;
-    let waited = drive.now.report.replies.iter().map(|reply| whole_millis(reply.timeout)).max().unwrap_or_default();
-    Some((severity, Sentence::new("finding.late").with("replies", late).with("waited", waited)))
+    let waited = drive
+        .now
+        .report
+        .replies
+        .iter()
+        .map(|reply| whole_millis(reply.timeout))
+        .max()
+        .unwrap_or_default();
+    Some((
+        severity,
+        Sentence::new("finding.late")
+            .with("replies", late)
+            .with("waited", waited),
+    ))
 }
 
 /// Requests that are never answered, where late replies do not explain them.
@@ -150,7 +202,11 @@ pub(super) fn silent(seen: &Observed, drive: &DriveObserved) -> FindingText {
     let severity = graded(silent, all)?;
     let is_told = drive.damage.late * 2 >= silent || seen.line.suspicion.is_some();
     let is_there = seen.is_up() && drive.exchanges.replies > 0;
-    let text = || Sentence::new("finding.silent").with("unanswered", silent).with("requests", all);
+    let text = || {
+        Sentence::new("finding.silent")
+            .with("unanswered", silent)
+            .with("requests", all)
+    };
     (is_there && !is_told).then(|| (severity, text()))
 }
 
@@ -159,8 +215,11 @@ pub(super) fn timeout_short(_: &Observed, drive: &DriveObserved) -> FindingText 
     let (class, reply, suggested) = replies
         .filter_map(|(class, reply)| Some((class, reply, reply.suggested?)))
         .find(|(_, reply, suggested)| reply.timeout < *suggested)?;
-    let text = Sentence::new("finding.timeout_short").with("request", Sentence::new(format!("request.{class}")));
-    let text = text.with("waited", whole_millis(reply.timeout)).with("suggested", whole_millis(suggested));
+    let text = Sentence::new("finding.timeout_short")
+        .with("request", Sentence::new(format!("request.{class}")));
+    let text = text
+        .with("waited", whole_millis(reply.timeout))
+        .with("suggested", whole_millis(suggested));
     Some((Severity::Hint, text))
 }
 
@@ -168,7 +227,11 @@ pub(super) fn exceptions(_: &Observed, drive: &DriveObserved) -> FindingText {
     let exceptions = drive.exchanges.exceptions;
     let all = drive.exchanges.total();
     let is_much = exceptions >= SIGNS && exceptions * 1000 >= all * EXCEPTIONS_PER_MILLE;
-    let text = || Sentence::new("finding.exceptions").with("exceptions", exceptions).with("requests", all);
+    let text = || {
+        Sentence::new("finding.exceptions")
+            .with("exceptions", exceptions)
+            .with("requests", all)
+    };
     is_much.then(|| (Severity::Hint, text()))
 }
 

@@ -16,7 +16,10 @@ pub(super) fn down(seen: &Observed) -> FindingText {
         return None;
     }
     let reason = finding::down_reason(&seen.line)?;
-    Some((Severity::Problem, Sentence::new("finding.line_down").with("reason", reason)))
+    Some((
+        Severity::Problem,
+        Sentence::new("finding.line_down").with("reason", reason),
+    ))
 }
 
 pub(super) fn port_lost(seen: &Observed) -> FindingText {
@@ -26,13 +29,15 @@ pub(super) fn port_lost(seen: &Observed) -> FindingText {
 
 pub(super) fn suspended(seen: &Observed) -> FindingText {
     let bad = seen.line.quality.bad_per_cent.unwrap_or_default();
-    (seen.is_up() && seen.line.quality.is_suspended).then(|| (Severity::Problem, finding::suspended(bad)))
+    (seen.is_up() && seen.line.quality.is_suspended)
+        .then(|| (Severity::Problem, finding::suspended(bad)))
 }
 
 pub(super) fn other_master(seen: &Observed) -> FindingText {
     let is_told = seen.line.suspicion == Some(Suspicion::OtherMaster);
     let text = || Sentence::new("finding.other_master").with("requests", seen.other_master);
-    (seen.other_master >= SIGNS && !is_told && !is_shared(seen)).then(|| (Severity::Problem, text()))
+    (seen.other_master >= SIGNS && !is_told && !is_shared(seen))
+        .then(|| (Severity::Problem, text()))
 }
 
 pub(super) fn stranger(seen: &Observed) -> FindingText {
@@ -51,8 +56,16 @@ const fn is_shared(seen: &Observed) -> bool {
 pub(super) fn floating(seen: &Observed) -> FindingText {
     let led = seen.sum(|drive| drive.damage.led);
     let between = seen.noise_between;
-    let text = || Sentence::new("finding.floating").with("before", led).with("between", between);
-    let severity = if (led + between) * 50 >= seen.exchanges() { Severity::Problem } else { Severity::Hint };
+    let text = || {
+        Sentence::new("finding.floating")
+            .with("before", led)
+            .with("between", between)
+    };
+    let severity = if (led + between) * 50 >= seen.exchanges() {
+        Severity::Problem
+    } else {
+        Severity::Hint
+    };
     (led + between >= SIGNS).then(|| (severity, text()))
 }
 

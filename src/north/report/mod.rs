@@ -85,10 +85,13 @@ impl Observed {
     /// What happened between `before` and `now`; since the start, at `started`, if `before` is `None`.
     #[must_use]
     pub fn between(before: Option<&LineSeen>, now: LineSeen, started: MonoTime) -> Self {
-        let was = before.map(|before| before.report.counters).unwrap_or_default();
+        let was = before
+            .map(|before| before.report.counters)
+            .unwrap_or_default();
         let is = now.report.counters;
         let drives = now.drives.into_iter().map(|drive| {
-            let old = before.and_then(|before| before.drives.iter().find(|old| old.name == drive.name));
+            let old =
+                before.and_then(|before| before.drives.iter().find(|old| old.name == drive.name));
             let old = old.map(|old| *old.report).unwrap_or_default();
             DriveObserved {
                 exchanges: drive.report.exchanges.since(&old.exchanges),

@@ -29,11 +29,17 @@ enum Of {
 }
 
 const fn line(sign: Sign, of: fn(&Observed) -> FindingText) -> Rule {
-    Rule { sign, of: Of::Line(of) }
+    Rule {
+        sign,
+        of: Of::Line(of),
+    }
 }
 
 const fn drive(sign: Sign, of: fn(&Observed, &DriveObserved) -> FindingText) -> Rule {
-    Rule { sign, of: Of::Drive(of) }
+    Rule {
+        sign,
+        of: Of::Drive(of),
+    }
 }
 
 /// The table. Rows further up are more likely causes than those below.
@@ -49,7 +55,10 @@ pub const RULES: &[Rule] = &[
     line(Sign::EchoStripped, super::line_rules::echo_stripped),
     line(Sign::FewExchanges, super::line_rules::few_exchanges),
     drive(Sign::Offline, super::drive_rules::offline),
-    drive(Sign::DuplicateStation, super::drive_rules::duplicate_station),
+    drive(
+        Sign::DuplicateStation,
+        super::drive_rules::duplicate_station,
+    ),
     drive(Sign::LateBeyondLimit, super::drive_rules::late_beyond_limit),
     drive(Sign::FirstCharacters, super::drive_rules::first_characters),
     drive(Sign::Cut, super::drive_rules::cut),
@@ -66,12 +75,27 @@ pub const RULES: &[Rule] = &[
 /// All findings on the line called `name`, the worst first; that all is well if there is none.
 #[must_use]
 pub fn verdict(name: &Name, observed: &Observed) -> Vec<Finding> {
-    let mut found: Vec<_> = RULES.iter().flat_map(|rule| rule.findings(name, observed)).collect();
-    if found.iter().all(|finding| finding.severity == Severity::Good) {
+    let mut found: Vec<_> = RULES
+        .iter()
+        .flat_map(|rule| rule.findings(name, observed))
+        .collect();
+    if found
+        .iter()
+        .all(|finding| finding.severity == Severity::Good)
+    {
         let text = Sentence::new("finding.fine").with("exchanges", observed.exchanges());
         let text = text.with("seconds", observed.time.as_secs());
         let line = Some(name.clone());
-        found.insert(0, Finding { severity: Severity::Good, sign: Sign::Fine, line, drive: None, text });
+        found.insert(
+            0,
+            Finding {
+                severity: Severity::Good,
+                sign: Sign::Fine,
+                line,
+                drive: None,
+                text,
+            },
+        );
     }
     ranked(found)
 }
@@ -81,15 +105,29 @@ impl Rule {
         let finding = |drive: Option<&DriveObserved>, (severity, text)| {
             let drive = drive.map(|drive| drive.now.name.clone());
             let text = match &drive {
-                Some(name) => Sentence::new("finding.of_drive").with("drive", name.as_str()).with("finding", text),
+                Some(name) => Sentence::new("finding.of_drive")
+                    .with("drive", name.as_str())
+                    .with("finding", text),
                 None => text,
             };
-            Finding { severity, sign: self.sign, line: Some(name.clone()), drive, text }
+            Finding {
+                severity,
+                sign: self.sign,
+                line: Some(name.clone()),
+                drive,
+                text,
+            }
         };
         match self.of {
-            Of::Line(of) => of(observed).map(|said| finding(None, said)).into_iter().collect(),
+            Of::Line(of) => of(observed)
+                .map(|said| finding(None, said))
+                .into_iter()
+                .collect(),
             Of::Drive(of) => {
-                let each = observed.drives.iter().filter_map(|drive| Some(finding(Some(drive), of(observed, drive)?)));
+                let each = observed
+                    .drives
+                    .iter()
+                    .filter_map(|drive| Some(finding(Some(drive), of(observed, drive)?)));
                 each.collect()
             }
         }
@@ -101,7 +139,11 @@ pub(super) fn graded(count: u64, all: u64) -> Option<Severity> {
     if count < SIGNS || count * 1000 < all {
         return None;
     }
-    Some(if count * 1000 >= all * PROBLEM_PER_MILLE { Severity::Problem } else { Severity::Hint })
+    Some(if count * 1000 >= all * PROBLEM_PER_MILLE {
+        Severity::Problem
+    } else {
+        Severity::Hint
+    })
 }
 
 #[cfg(test)]
@@ -113,8 +155,14 @@ mod tests {
     fn a_good_line_is_said_to_be_good() {
         let found = verdict(&line_name(), &good());
         assert_eq!(found.len(), 1, "{found:?}");
-        assert_eq!((found[0].severity, found[0].sign), (Severity::Good, Sign::Fine));
-        assert_eq!(found[0].text.to_string(), "nothing is wrong: 2000 exchanges in 30 s");
+        assert_eq!(
+            (found[0].severity, found[0].sign),
+            (Severity::Good, Sign::Fine)
+        );
+        assert_eq!(
+            found[0].text.to_string(),
+            "nothing is wrong: 2000 exchanges in 30 s"
+        );
     }
 
     #[test]
@@ -123,9 +171,20 @@ mod tests {
             let found = verdict(&line_name(), &observed);
             let finding = found.iter().find(|finding| finding.sign == sign);
             let finding = finding.unwrap_or_else(|| panic!("no {sign:?} among {found:?}"));
-            assert_eq!((finding.severity, found[0].severity), (severity, severity), "{found:?}");
-            assert!(finding.text.to_string().contains(part), "no {part} in {}", finding.text);
-            let others = found.iter().filter(|it| it.severity > Severity::Good && it.sign != sign).count();
+            assert_eq!(
+                (finding.severity, found[0].severity),
+                (severity, severity),
+                "{found:?}"
+            );
+            assert!(
+                finding.text.to_string().contains(part),
+                "no {part} in {}",
+                finding.text
+            );
+            let others = found
+                .iter()
+                .filter(|it| it.severity > Severity::Good && it.sign != sign)
+                .count();
             assert_eq!(others, 0, "{sign:?}: {found:?}");
         }
     }
@@ -133,7 +192,11 @@ mod tests {
     #[test]
     fn each_rule_has_its_case() {
         for rule in RULES {
-            assert!(cases().iter().any(|(sign, ..)| *sign == rule.sign), "{:?}", rule.sign);
+            assert!(
+                cases().iter().any(|(sign, ..)| *sign == rule.sign),
+                "{:?}",
+                rule.sign
+            );
         }
     }
 

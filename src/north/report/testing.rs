@@ -25,27 +25,53 @@ fn drive(name: &str, station: u8) -> DriveSeen {
         timeout: ms(30),
         suggested: Some(ms(30)),
     };
-    let exchanges = ExchangeCounts { replies: 1000, ..ExchangeCounts::default() };
-    let unseen = ReplyReport { timeout: ms(500), ..ReplyReport::default() };
-    let report = StationReport { replies: [reads, unseen, unseen], exchanges, ..StationReport::default() };
+    let exchanges = ExchangeCounts {
+        replies: 1000,
+        ..ExchangeCounts::default()
+    };
+    let unseen = ReplyReport {
+        timeout: ms(500),
+        ..ReplyReport::default()
+    };
+    let report = StationReport {
+        replies: [reads, unseen, unseen],
+        exchanges,
+        ..StationReport::default()
+    };
     let name = Name::new(name).unwrap();
-    DriveSeen { name, station: Station(station), presence: Presence::Online, warning: None, report: Arc::new(report) }
+    DriveSeen {
+        name,
+        station: Station(station),
+        presence: Presence::Online,
+        warning: None,
+        report: Arc::new(report),
+    }
 }
 
 fn up() -> LineReport {
-    LineReport { state: LineState::Up, ..LineReport::default() }
+    LineReport {
+        state: LineState::Up,
+        ..LineReport::default()
+    }
 }
 
 /// Two drives, a at station 1 and b at 2, 1000 good exchanges each.
 pub(super) fn good() -> Observed {
-    let now = LineSeen { at: MonoTime::from_millis(40_000), report: up(), drives: vec![drive("a", 1), drive("b", 2)] };
+    let now = LineSeen {
+        at: MonoTime::from_millis(40_000),
+        report: up(),
+        drives: vec![drive("a", 1), drive("b", 2)],
+    };
     Observed::between(None, now, MonoTime::from_millis(40_000).before(SPAN))
 }
 
 /// The same line, idle.
 pub(super) fn idle() -> Observed {
     let mut observed = good();
-    observed.drives.iter_mut().for_each(|drive| drive.exchanges = ExchangeCounts::default());
+    observed
+        .drives
+        .iter_mut()
+        .for_each(|drive| drive.exchanges = ExchangeCounts::default());
     observed
 }
 
@@ -86,35 +112,103 @@ fn line_cases() -> Vec<Case> {
     let suspected = |suspicion| with(|it| it.line.suspicion = Some(suspicion));
     let down = |fault| with(|it| (it.line.state, it.line.fault) = (LineState::Down, fault));
     vec![
-        (Sign::Suspicion, Problem, "higher speed", suspected(Suspicion::DrivesAreFaster)),
-        (Sign::Suspicion, Problem, "lower speed", suspected(Suspicion::DrivesAreSlower)),
-        (Sign::Suspicion, Problem, "parity", suspected(Suspicion::AlwaysDamaged)),
-        (Sign::Suspicion, Problem, "two drives", suspected(Suspicion::DuplicateStation(Station(1)))),
-        (Sign::Suspicion, Problem, "max_lateness", suspected(Suspicion::LateBeyondLimit(Station(1)))),
+        (
+            Sign::Suspicion,
+            Problem,
+            "higher speed",
+            suspected(Suspicion::DrivesAreFaster),
+        ),
+        (
+            Sign::Suspicion,
+            Problem,
+            "lower speed",
+            suspected(Suspicion::DrivesAreSlower),
+        ),
+        (
+            Sign::Suspicion,
+            Problem,
+            "parity",
+            suspected(Suspicion::AlwaysDamaged),
+        ),
+        (
+            Sign::Suspicion,
+            Problem,
+            "two drives",
+            suspected(Suspicion::DuplicateStation(Station(1))),
+        ),
+        (
+            Sign::Suspicion,
+            Problem,
+            "max_lateness",
+            suspected(Suspicion::LateBeyondLimit(Station(1))),
+        ),
         (Sign::Suspicion, Problem, "echo", suspected(Suspicion::Echo)),
-        (Sign::LineDown, Problem, "the device is gone", down(Some(LineFault::Gone))),
+        (
+            Sign::LineDown,
+            Problem,
+            "the device is gone",
+            down(Some(LineFault::Gone)),
+        ),
         (Sign::LineDown, Problem, "not opened yet", down(None)),
-        (Sign::PortLost, Problem, "lost 2 times", with(|it| it.port_downs = 2)),
+        (
+            Sign::PortLost,
+            Problem,
+            "lost 2 times",
+            with(|it| it.port_downs = 2),
+        ),
         (
             Sign::Suspended,
             Problem,
             "14 %",
-            with(|it| (it.line.quality.is_suspended, it.line.quality.bad_per_cent) = (true, Some(14))),
+            with(|it| {
+                (it.line.quality.is_suspended, it.line.quality.bad_per_cent) = (true, Some(14))
+            }),
         ),
-        (Sign::OtherMaster, Problem, "one master only", with(|it| it.other_master = 5)),
-        (Sign::Stranger, Problem, "5 frames", with(|it| it.foreign = 5)),
-        (Sign::Floating, Problem, "bias", with(|it| it.noise_between = 400)),
-        (Sign::Floating, Hint, "7 times in front", of_a(|a| a.damage.led = 7)),
-        (Sign::OverFull, Hint, "130 %", with(|it| it.line.planned_use_per_mille = 1300)),
-        (Sign::EchoStripped, Good, "as configured", with(|it| it.echoes = 2000)),
+        (
+            Sign::OtherMaster,
+            Problem,
+            "one master only",
+            with(|it| it.other_master = 5),
+        ),
+        (
+            Sign::Stranger,
+            Problem,
+            "5 frames",
+            with(|it| it.foreign = 5),
+        ),
+        (
+            Sign::Floating,
+            Problem,
+            "bias",
+            with(|it| it.noise_between = 400),
+        ),
+        (
+            Sign::Floating,
+            Hint,
+            "7 times in front",
+            of_a(|a| a.damage.led = 7),
+        ),
+        (
+            Sign::OverFull,
+            Hint,
+            "130 %",
+            with(|it| it.line.planned_use_per_mille = 1300),
+        ),
+        (
+            Sign::EchoStripped,
+            Good,
+            "as configured",
+            with(|it| it.echoes = 2000),
+        ),
         (Sign::FewExchanges, Hint, "too few", idle()),
     ]
 }
 
 fn drive_cases() -> Vec<Case> {
     use Severity::{Hint, Problem};
-    let answered =
-        |good, silent, late| of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late));
+    let answered = |good, silent, late| {
+        of_a(|a| (a.exchanges.replies, a.exchanges.silent, a.damage.late) = (good, silent, late))
+    };
     vec![
         (
             Sign::Offline,
@@ -126,20 +220,46 @@ fn drive_cases() -> Vec<Case> {
             Sign::Offline,
             Problem,
             "wiring",
-            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 0, 8)),
+            of_a(|a| {
+                (a.now.presence, a.exchanges.replies, a.exchanges.silent) =
+                    (Presence::Offline, 0, 8)
+            }),
         ),
-        (Sign::Warns, Hint, "a: the drive warns: hot", of_a(|a| a.now.warning = Some("hot".to_owned()))),
-        (Sign::DuplicateStation, Problem, "two drives probably have station 1", of_a(|a| a.damage.doubled = 3)),
-        (Sign::LateBeyondLimit, Problem, "2 replies", of_a(|a| a.damage.beyond_limit = 2)),
+        (
+            Sign::Warns,
+            Hint,
+            "a: the drive warns: hot",
+            of_a(|a| a.now.warning = Some("hot".to_owned())),
+        ),
+        (
+            Sign::DuplicateStation,
+            Problem,
+            "two drives probably have station 1",
+            of_a(|a| a.damage.doubled = 3),
+        ),
+        (
+            Sign::LateBeyondLimit,
+            Problem,
+            "2 replies",
+            of_a(|a| a.damage.beyond_limit = 2),
+        ),
         (Sign::Silent, Problem, "40 of 1000", answered(960, 40, 0)),
         (Sign::Silent, Hint, "5 of 1000", answered(995, 5, 0)),
         (
             Sign::Silent,
             Problem,
             "others had",
-            of_a(|a| (a.now.presence, a.exchanges.replies, a.exchanges.silent) = (Presence::Offline, 100, 8)),
+            of_a(|a| {
+                (a.now.presence, a.exchanges.replies, a.exchanges.silent) =
+                    (Presence::Offline, 100, 8)
+            }),
         ),
-        (Sign::Late, Problem, "after up to 500 ms", answered(960, 40, 40)),
+        (
+            Sign::Late,
+            Problem,
+            "after up to 500 ms",
+            answered(960, 40, 40),
+        ),
         (
             Sign::TimeoutShort,
             Hint,
@@ -150,7 +270,12 @@ fn drive_cases() -> Vec<Case> {
                 a.now.report = Arc::new(report);
             }),
         ),
-        (Sign::Exceptions, Hint, "100 of 1000", of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100))),
+        (
+            Sign::Exceptions,
+            Hint,
+            "100 of 1000",
+            of_a(|a| (a.exchanges.replies, a.exchanges.exceptions) = (900, 100)),
+        ),
     ]
 }
 
@@ -162,8 +287,18 @@ fn damage_cases() -> Vec<Case> {
         observed
     };
     vec![
-        (Sign::FirstCharacters, Problem, "30 of 50", damaged(50, |a| a.damage.head = 30)),
-        (Sign::Cut, Problem, "the end of 40 of 50", damaged(50, |a| a.damage.cut = 40)),
+        (
+            Sign::FirstCharacters,
+            Problem,
+            "30 of 50",
+            damaged(50, |a| a.damage.head = 30),
+        ),
+        (
+            Sign::Cut,
+            Problem,
+            "the end of 40 of 50",
+            damaged(50, |a| a.damage.cut = 40),
+        ),
         (
             Sign::Cut,
             Problem,
@@ -173,8 +308,18 @@ fn damage_cases() -> Vec<Case> {
                 (a.exchanges.replies, a.exchanges.silent) = (0, 1000);
             }),
         ),
-        (Sign::LongFrames, Problem, "45 of 50", damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45))),
-        (Sign::OneStation, Problem, "those of others are not", damaged(50, |_| {})),
+        (
+            Sign::LongFrames,
+            Problem,
+            "45 of 50",
+            damaged(50, |a| (a.damage.long, a.damage.long_damaged) = (500, 45)),
+        ),
+        (
+            Sign::OneStation,
+            Problem,
+            "those of others are not",
+            damaged(50, |_| {}),
+        ),
         (Sign::Damaged, Problem, "50 of 1000", both(50)),
         (Sign::Damaged, Hint, "5 of 1000", both(5)),
     ]

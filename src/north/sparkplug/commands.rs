@@ -9,7 +9,9 @@ use crate::domain::ids::{AskerId, Ticket};
 use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::journal::Tried;
-use crate::north::broker::{Message, NewCommand, Pending, Request, Version, refused_frequency, tried_by};
+use crate::north::broker::{
+    Message, NewCommand, Pending, Request, Version, refused_frequency, tried_by,
+};
 use crate::north::clock::Moment;
 use crate::north::command_words::{Refused, RunWord, run_word, short};
 use crate::north::shown::message;
@@ -21,11 +23,19 @@ impl Session {
     pub(super) fn node_command(&mut self, at: Moment, message: &Message<'_>) {
         let payload = match Payload::read(message.payload) {
             Ok(payload) => payload,
-            Err(why) => return self.refuse(None, Some(text("NCMD", &why)), &Refused::new(Reason::NotUnderstood, why)),
+            Err(why) => {
+                return self.refuse(
+                    None,
+                    Some(text("NCMD", &why)),
+                    &Refused::new(Reason::NotUnderstood, why),
+                );
+            }
         };
         for metric in &payload.metrics {
             match node::asked(metric) {
-                NodeCommand::Rebirth(Some(Value::Boolean(true))) if !message.retain => self.ask_for_rebirth(),
+                NodeCommand::Rebirth(Some(Value::Boolean(true))) if !message.retain => {
+                    self.ask_for_rebirth()
+                }
                 NodeCommand::Rebirth(_) | NodeCommand::Unknown => self.counters.ignored += 1,
                 NodeCommand::All(value) => self.stop_all(at, value, message),
             }
@@ -33,17 +43,27 @@ impl Session {
     }
 
     fn stop_all(&mut self, at: Moment, value: Option<&Value>, message: &Message<'_>) {
-        let says = if let Some(Value::Text(text)) = value { text.as_str() } else { "" };
+        let says = if let Some(Value::Text(text)) = value {
+            text.as_str()
+        } else {
+            ""
+        };
         let tried = Some(text(node::STOP_ALL, says));
         if run_word(says) != Ok(RunWord::Stop) {
-            let refused = Refused::new(Reason::NotUnderstood, format!("`{}` takes `stop` alone", node::STOP_ALL));
+            let refused = Refused::new(
+                Reason::NotUnderstood,
+                format!("`{}` takes `stop` alone", node::STOP_ALL),
+            );
             return self.refuse(None, tried, &refused);
         }
         if self.is_replay(message, true) {
             return self.refuse(None, tried, &Refused::plain(Reason::Retained));
         }
-        let may = |drive: &DriveDescription| drive.control.as_ref().is_some_and(|it| it.from_sparkplug);
-        let drives: Vec<_> = (0..self.drives.len()).filter(|drive| may(&self.drives[*drive])).collect();
+        let may =
+            |drive: &DriveDescription| drive.control.as_ref().is_some_and(|it| it.from_sparkplug);
+        let drives: Vec<_> = (0..self.drives.len())
+            .filter(|drive| may(&self.drives[*drive]))
+            .collect();
         if drives.is_empty() {
             return self.refuse(None, tried, &Refused::plain(Reason::ReadOnly));
         }
@@ -54,7 +74,11 @@ impl Session {
 
     /// A command for a drive.
     pub(super) fn device_command(&mut self, at: Moment, device: &str, message: &Message<'_>) {
-        let Some(drive) = self.drives.iter().position(|drive| drive.name.as_str() == device) else {
+        let Some(drive) = self
+            .drives
+            .iter()
+            .position(|drive| drive.name.as_str() == device)
+        else {
             let refused = Refused::plain(Reason::UnknownDrive);
             return self.refuse(None, Some(text("DCMD", device)), &refused);
         };
@@ -94,7 +118,8 @@ impl Session {
             return Ok(None);
         }
         if message.duplicate {
-            let why = "a repeat of a message, which may be old; commands go at quality of service 0";
+            let why =
+                "a repeat of a message, which may be old; commands go at quality of service 0";
             return Err(Refused::new(Reason::Duplicate, why));
         }
         let issued = self.issued(at, payload)?;
@@ -103,8 +128,7 @@ impl Session {
             return Err(Refused::new(Reason::CommanderLost, why));
         }
         if self.path.is_unproven() {
-            let why =
-                "the gateway's probe through the broker is late, so that the command may have waited: send it again";
+            let why = "the gateway's probe through the broker is late, so that the command may have waited: send it again";
             return Err(Refused::new(Reason::Stale, why));
         }
         if !self.commands.has_room_for_command() {
@@ -119,7 +143,10 @@ impl Session {
     }
 
     fn issued(&mut self, at: Moment, payload: &Payload) -> Result<MonoTime, Refused> {
-        let Some(timestamp) = payload.timestamp.map(|it| i64::try_from(it).unwrap_or(i64::MAX)) else {
+        let Some(timestamp) = payload
+            .timestamp
+            .map(|it| i64::try_from(it).unwrap_or(i64::MAX))
+        else {
             let why = "the message has no timestamp, so its age is unknown";
             return Err(Refused::new(Reason::Stale, why));
         };
@@ -164,7 +191,8 @@ impl Session {
     fn refuse(&mut self, drive: Option<usize>, tried: Option<Tried>, refused: &Refused) {
         self.counters.refused += 1;
         self.counters.refused_retained += u64::from(refused.reason == Reason::Retained);
-        self.counters.refused_stale += u64::from(matches!(refused.reason, Reason::Stale | Reason::ClockAhead));
+        self.counters.refused_stale +=
+            u64::from(matches!(refused.reason, Reason::Stale | Reason::ClockAhead));
         let report = Report::refused(refused.reason);
         self.keep(drive, tried, report);
         if let Some(device) = drive.and_then(|drive| self.devices.get_mut(drive)) {
@@ -173,7 +201,9 @@ impl Session {
     }
 
     fn keep(&mut self, drive: Option<usize>, tried: Option<Tried>, report: Report) {
-        let place = drive.and_then(|drive| self.drives.get(drive)).map(|drive| drive.place);
+        let place = drive
+            .and_then(|drive| self.drives.get(drive))
+            .map(|drive| drive.place);
         self.commands.keep_attempt(place, OWNER, tried, report);
     }
 
@@ -182,9 +212,13 @@ impl Session {
         if answer.asker != AskerId::SPARKPLUG {
             return;
         }
-        let Some(pending) = self.commands.get(answer.ticket).cloned() else { return };
+        let Some(pending) = self.commands.get(answer.ticket).cloned() else {
+            return;
+        };
         // A successful renewal is no news.
-        if pending.request != Request::Order(Order::Renew) || answer.report.outcome == Outcome::Refused {
+        if pending.request != Request::Order(Order::Renew)
+            || answer.report.outcome == Outcome::Refused
+        {
             self.tell(pending.drive, answer.report, Some(&pending));
         }
         if answer.is_final {
@@ -209,7 +243,9 @@ impl Session {
 
     fn tell(&mut self, drive: usize, report: Report, pending: Option<&Pending<()>>) {
         let description = self.drives.get(drive);
-        let limits = pending.zip(description).and_then(|(it, drive)| refused_frequency(drive, &it.request, report));
+        let limits = pending
+            .zip(description)
+            .and_then(|(it, drive)| refused_frequency(drive, &it.request, report));
         let said = limits.unwrap_or_else(|| match description {
             Some(drive) => message(&drive.model, &report),
             None => report.message(),
@@ -223,7 +259,12 @@ impl Session {
 /// What was attempted by something that is no order, for the audit: on one line, and short.
 fn text(place: &str, says: &str) -> Tried {
     let visible = |c: char| if c.is_control() { ' ' } else { c };
-    Tried::Text(format!("{place}: {}", short(says)).chars().map(visible).collect())
+    Tried::Text(
+        format!("{place}: {}", short(says))
+            .chars()
+            .map(visible)
+            .collect(),
+    )
 }
 
 /// The metrics of a command in words.
@@ -245,5 +286,11 @@ fn said(payload: &Payload) -> String {
             None => format!("{name} = null"),
         }
     };
-    payload.metrics.iter().take(METRICS_MAX).map(metric).collect::<Vec<_>>().join(", ")
+    payload
+        .metrics
+        .iter()
+        .take(METRICS_MAX)
+        .map(metric)
+        .collect::<Vec<_>>()
+        .join(", ")
 }

@@ -70,7 +70,9 @@ impl Look<'_> {
             Source::TripTotal => Content::Number(self.view.trip_kept.total.into()),
             Source::Control(part) => self.control(part),
             Source::Status(status) => self.status(status),
-            Source::Watchdog => Content::text(self.view.watchdog.as_ref().map(|it| it.state.word())),
+            Source::Watchdog => {
+                Content::text(self.view.watchdog.as_ref().map(|it| it.state.word()))
+            }
             Source::Result(part) => self.result(part),
             Source::Model => Content::Text(self.drive.model.id.clone().into()),
             Source::Line => Content::Text(self.drive.line.as_str().to_owned().into()),
@@ -93,7 +95,11 @@ impl Look<'_> {
             }
             Kind::Setpoint => self.setpoint(),
             Kind::Owner => {
-                let owner = view.control.as_ref().and_then(|control| control.lease).map(|(owner, _)| owner);
+                let owner = view
+                    .control
+                    .as_ref()
+                    .and_then(|control| control.lease)
+                    .map(|(owner, _)| owner);
                 Content::Text(owner.map_or(Cow::Borrowed(""), |owner| owner.to_string().into()))
             }
             Kind::Usage(part) => view.usage.value(part).map_or(Content::Null, Content::Sum),
@@ -101,23 +107,33 @@ impl Look<'_> {
             Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
             Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
             Kind::TripText => Content::text(trip.and_then(|_| trip::active_text(drive, view))),
-            Kind::WarningActive => Content::bool(warning(drive, view, self.at).map(|word| word != 0)),
-            Kind::WarningCode => {
-                Content::number(warning(drive, view, self.at).map(|word| warnings::code(&drive.model, word)))
+            Kind::WarningActive => {
+                Content::bool(warning(drive, view, self.at).map(|word| word != 0))
             }
-            Kind::WarningText => {
-                Content::text(warning(drive, view, self.at).and_then(|word| warnings::text(&drive.model, word)))
-            }
+            Kind::WarningCode => Content::number(
+                warning(drive, view, self.at).map(|word| warnings::code(&drive.model, word)),
+            ),
+            Kind::WarningText => Content::text(
+                warning(drive, view, self.at).and_then(|word| warnings::text(&drive.model, word)),
+            ),
             Kind::TripLast => {
                 let label = |at| self.clock.text(at);
-                let last = view.trip_kept.last.as_ref().map(|it| trip::record(drive, &label, it));
+                let last = view
+                    .trip_kept
+                    .last
+                    .as_ref()
+                    .map(|it| trip::record(drive, &label, it));
                 Content::text(last.map(|record| serde_json::Value::Object(record).to_string()))
             }
         }
     }
 
     fn setpoint(&self) -> Content {
-        let setpoint = self.view.control.as_ref().and_then(|control| control.setpoint);
+        let setpoint = self
+            .view
+            .control
+            .as_ref()
+            .and_then(|control| control.setpoint);
         setpoint.map_or(Content::Null, Content::Hertz)
     }
 
@@ -145,7 +161,11 @@ impl Look<'_> {
 
     fn result(&self, part: ResultPart) -> Content {
         let Some(told) = self.told else {
-            return if part == ResultPart::Count { Content::Number(0) } else { Content::Text("".into()) };
+            return if part == ResultPart::Count {
+                Content::Number(0)
+            } else {
+                Content::Text("".into())
+            };
         };
         match part {
             ResultPart::Outcome => Content::Said(told.report.outcome.word().into(), told.count),
@@ -159,7 +179,12 @@ impl Look<'_> {
     fn input(&self, input: Input) -> Content {
         match input {
             Input::Frequency => self.setpoint(),
-            Input::Run => Content::text(self.view.control.as_ref().map(|control| intent(control.intent))),
+            Input::Run => Content::text(
+                self.view
+                    .control
+                    .as_ref()
+                    .map(|control| intent(control.intent)),
+            ),
             Input::Reset | Input::Take | Input::Release | Input::Lease => Content::Bool(false),
         }
     }
@@ -185,18 +210,24 @@ impl Look<'_> {
             Content::Sum(sum) if definition.datatype == Int64 => Value::of_i64(sum.whole()),
             Content::Sum(sum) => Value::Double(sum.value()),
             Content::Number(number) if definition.datatype == Int64 => Value::of_i64(*number),
-            Content::Number(number) if definition.datatype == Int32 => Value::of_i32(i32::try_from(*number).ok()?),
+            Content::Number(number) if definition.datatype == Int32 => {
+                Value::of_i32(i32::try_from(*number).ok()?)
+            }
             Content::Number(_) => return None,
             Content::Value(value) => Value::Double(self.number(definition, *value)?),
         })
     }
 
     fn number(&self, definition: &Definition, value: Scaled) -> Option<f64> {
-        let Source::Topic(kind) = definition.source else { return None };
+        let Source::Topic(kind) = definition.source else {
+            return None;
+        };
         let place = kind.register()?;
         let register = self.drive.model.registers.get(place)?;
         Some(match kind {
-            Kind::Rated(_) => Rated::of(register, &self.drive.ratings)?.to_digits(value, RATED_DIGITS).value(),
+            Kind::Rated(_) => Rated::of(register, &self.drive.ratings)?
+                .to_digits(value, RATED_DIGITS)
+                .value(),
             _ => self.points.value(place, value),
         })
     }
@@ -210,7 +241,12 @@ impl Look<'_> {
         match content {
             Content::Value(_) => of_register().unwrap_or(self.at),
             _ if definition.is_trip() => {
-                let record = self.view.trip_kept.last.as_ref().filter(|_| self.view.trip.active == Some(true));
+                let record = self
+                    .view
+                    .trip_kept
+                    .last
+                    .as_ref()
+                    .filter(|_| self.view.trip.active == Some(true));
                 record.map_or(self.at, |record| record.at)
             }
             _ => self.at,
@@ -220,7 +256,9 @@ impl Look<'_> {
     /// When the content of the metric is no longer reliable; `None`: not before something changes.
     pub(super) fn ends_at(&self, definition: &Definition) -> Option<MonoTime> {
         let register = match definition.source {
-            Source::Topic(Kind::Polled(_) | Kind::Rated(_)) => register(self.drive, definition.source),
+            Source::Topic(Kind::Polled(_) | Kind::Rated(_)) => {
+                register(self.drive, definition.source)
+            }
             Source::Topic(Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount) => {
                 self.drive.model.trip_register()
             }

@@ -96,7 +96,10 @@ impl Device {
     /// The metric that `metric` of a command addresses: by its name if it has one, else by its alias.
     pub(super) fn definition(&self, metric: &Metric) -> Option<&Definition> {
         if let Some(name) = &metric.name {
-            return self.definitions.iter().find(|definition| definition.name == *name);
+            return self
+                .definitions
+                .iter()
+                .find(|definition| definition.name == *name);
         }
         let place = usize::try_from(metric.alias?.checked_sub(self.first_alias)?).ok()?;
         self.definitions.get(place)
@@ -104,13 +107,20 @@ impl Device {
 
     /// The names of the metrics that a host may write.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &str> {
-        self.definitions.iter().filter(|it| it.input().is_some()).map(|it| it.name.as_str())
+        self.definitions
+            .iter()
+            .filter(|it| it.input().is_some())
+            .map(|it| it.name.as_str())
     }
 
     /// Publishes the outcome of a command.
     pub(super) fn tell(&mut self, report: Report, message: String) {
         let count = self.told.as_ref().map_or(0, |told| told.count) + 1;
-        self.told = Some(LastResult { report, message, count });
+        self.told = Some(LastResult {
+            report,
+            message,
+            count,
+        });
         self.looked = None;
     }
 
@@ -136,21 +146,42 @@ impl Device {
     /// All metrics with names, types and properties. The device counts as born.
     pub(super) fn birth(&mut self, now: &Present<'_>) -> Vec<Metric> {
         let look = self.look(now);
-        let held: Vec<_> = self.definitions.iter().map(|definition| look.content(definition)).collect();
-        let metrics = self.definitions.iter().zip(&held).enumerate().map(|(place, (definition, content))| {
-            let value = look.value(definition, content);
-            let quality = if value.is_some() { Quality::Good } else { Quality::Stale };
-            Metric {
-                name: Some(definition.name.clone()),
-                datatype: Some(definition.datatype as u32),
-                properties: with_quality(definition.properties(), quality).or_none(),
-                ..self.metric(place, millis(now.clock, look.since(definition, content)), value)
-            }
-        });
+        let held: Vec<_> = self
+            .definitions
+            .iter()
+            .map(|definition| look.content(definition))
+            .collect();
+        let metrics =
+            self.definitions
+                .iter()
+                .zip(&held)
+                .enumerate()
+                .map(|(place, (definition, content))| {
+                    let value = look.value(definition, content);
+                    let quality = if value.is_some() {
+                        Quality::Good
+                    } else {
+                        Quality::Stale
+                    };
+                    Metric {
+                        name: Some(definition.name.clone()),
+                        datatype: Some(definition.datatype as u32),
+                        properties: with_quality(definition.properties(), quality).or_none(),
+                        ..self.metric(
+                            place,
+                            millis(now.clock, look.since(definition, content)),
+                            value,
+                        )
+                    }
+                });
         let mut metrics: Vec<_> = metrics.collect();
         // Values are in the order in which they occurred, in births too.
         metrics.sort_by_key(|metric| metric.timestamp);
-        let until = self.definitions.iter().filter_map(|definition| look.ends_at(definition)).min();
+        let until = self
+            .definitions
+            .iter()
+            .filter_map(|definition| look.ends_at(definition))
+            .min();
         self.held = held;
         self.is_born = true;
         self.was_born = true;
@@ -164,7 +195,10 @@ impl Device {
     fn metric(&self, place: usize, at_ms: u64, value: Option<Value>) -> Metric {
         Metric {
             alias: Some(self.first_alias + place as u64),
-            datatype: self.definitions.get(place).map(|definition| definition.datatype as u32),
+            datatype: self
+                .definitions
+                .get(place)
+                .map(|definition| definition.datatype as u32),
             timestamp: Some(at_ms),
             is_null: value.is_none().then_some(true),
             value,
@@ -180,11 +214,17 @@ impl Device {
         }
         let gathers = now.at < self.gathers_until;
         let look = self.look(now);
-        let mut until = if gathers { self.gathers_until } else { MonoTime::NEVER };
+        let mut until = if gathers {
+            self.gathers_until
+        } else {
+            MonoTime::NEVER
+        };
         let mut changes = Vec::new();
         let mut news = Vec::new();
         for (place, (definition, held)) in self.definitions.iter().zip(&self.held).enumerate() {
-            until = look.ends_at(definition).map_or(until, |ends| ends.min(until));
+            until = look
+                .ends_at(definition)
+                .map_or(until, |ends| ends.min(until));
             if gathers && !definition.is_prompt() {
                 continue;
             }
@@ -195,7 +235,12 @@ impl Device {
             let at_ms = millis(now.clock, look.since(definition, &content));
             let value = look.value(definition, &content);
             let has_quality_changed = (*held == Content::Null) != (content == Content::Null);
-            let entry = Entry { metric: place, at_ms, value, is_trip: definition.is_trip() };
+            let entry = Entry {
+                metric: place,
+                at_ms,
+                value,
+                is_trip: definition.is_trip(),
+            };
             changes.push((entry, has_quality_changed));
             news.push((place, content));
         }
@@ -204,7 +249,9 @@ impl Device {
                 *held = content;
             }
         }
-        let has_measured = changes.iter().any(|(entry, _)| !self.is_prompt(entry.metric));
+        let has_measured = changes
+            .iter()
+            .any(|(entry, _)| !self.is_prompt(entry.metric));
         if has_measured {
             self.gathers_until = now.at + GATHERED_FOR;
         }
@@ -214,23 +261,39 @@ impl Device {
     }
 
     fn is_prompt(&self, place: usize) -> bool {
-        self.definitions.get(place).is_some_and(Definition::is_prompt)
+        self.definitions
+            .get(place)
+            .is_some_and(Definition::is_prompt)
     }
 
     fn is_recorded(&self, entry: &Entry) -> bool {
-        self.definitions.get(entry.metric).is_some_and(Definition::is_recorded)
+        self.definitions
+            .get(entry.metric)
+            .is_some_and(Definition::is_recorded)
     }
 
     /// What is to be published now, after this many `probes`; `None` if nothing has changed.
     pub(super) fn data(&mut self, now: &Present<'_>, probes: u64) -> Vec<Metric> {
         let changes = self.changes(now);
         let metrics = changes.iter().map(|(entry, has_quality_changed)| {
-            let quality = if entry.value.is_some() { Quality::Good } else { Quality::Stale };
-            let properties = has_quality_changed.then(|| with_quality(PropertySet::default(), quality));
-            Metric { properties, ..self.metric(entry.metric, entry.at_ms, entry.value.clone()) }
+            let quality = if entry.value.is_some() {
+                Quality::Good
+            } else {
+                Quality::Stale
+            };
+            let properties =
+                has_quality_changed.then(|| with_quality(PropertySet::default(), quality));
+            Metric {
+                properties,
+                ..self.metric(entry.metric, entry.at_ms, entry.value.clone())
+            }
         });
         let metrics = metrics.collect();
-        let entries: Vec<_> = changes.into_iter().map(|(entry, _)| entry).filter(|it| self.is_recorded(it)).collect();
+        let entries: Vec<_> = changes
+            .into_iter()
+            .map(|(entry, _)| entry)
+            .filter(|it| self.is_recorded(it))
+            .collect();
         self.history.sent(probes, entries);
         metrics
     }
@@ -259,7 +322,10 @@ impl Device {
 
     /// When the view gives something new although it stays the same.
     pub(super) fn wake(&self) -> Option<MonoTime> {
-        self.looked.as_ref().map(|(_, until)| *until).filter(|until| *until != MonoTime::NEVER)
+        self.looked
+            .as_ref()
+            .map(|(_, until)| *until)
+            .filter(|until| *until != MonoTime::NEVER)
     }
 }
 
@@ -269,5 +335,9 @@ pub(super) fn millis(clock: Clock, at: MonoTime) -> u64 {
 }
 
 fn with_quality(set: PropertySet, quality: Quality) -> PropertySet {
-    set.with("Quality", Datatype::Int32, PropertyScalar::Int(quality as u32))
+    set.with(
+        "Quality",
+        Datatype::Int32,
+        PropertyScalar::Int(quality as u32),
+    )
 }

@@ -39,7 +39,10 @@ pub(super) fn settings() -> Settings {
 /// `pump` with control and `fan` without, on line `hall`.
 pub(super) fn drives() -> Vec<DriveDescription> {
     let accept_unverified = ControlAction::ALL.to_vec();
-    stage::drives(ControlSettings { accept_unverified, ..crate::drive::testing::control() })
+    stage::drives(ControlSettings {
+        accept_unverified,
+        ..crate::drive::testing::control()
+    })
 }
 
 /// A message as the broker would deliver it to a host.
@@ -54,7 +57,11 @@ pub(super) struct Sent {
 impl Sent {
     /// The metric of this name or, by its birth, of this alias.
     pub(super) fn metric(&self, name: &str) -> &Metric {
-        let found = self.payload.metrics.iter().find(|metric| metric.name.as_deref() == Some(name));
+        let found = self
+            .payload
+            .metrics
+            .iter()
+            .find(|metric| metric.name.as_deref() == Some(name));
         found.unwrap_or_else(|| panic!("no {name} in {:?}", self.payload))
     }
 
@@ -103,7 +110,10 @@ impl Staged for Rig {
     fn acts(&mut self) -> Vec<Act> {
         self.stage.show();
         let mut all = Vec::new();
-        while let Some(act) = self.session.next_act(self.stage.at(), &self.stage.shown, &self.stage.lines) {
+        while let Some(act) =
+            self.session
+                .next_act(self.stage.at(), &self.stage.shown, &self.stage.lines)
+        {
             if let Act::Publish(it) = &act
                 && it.topic == PROBE
                 && !self.is_deaf
@@ -124,7 +134,11 @@ impl Rig {
 
     pub(super) fn with(settings: Settings) -> Self {
         let stage = Stage::new();
-        Self { session: Session::new(settings, drives(), &[name("hall")], stage.at(), 7), stage, is_deaf: false }
+        Self {
+            session: Session::new(settings, drives(), &[name("hall")], stage.at(), 7),
+            stage,
+            is_deaf: false,
+        }
     }
 
     /// A session that is born, with `pump` polled just now and the host online.
@@ -149,15 +163,27 @@ impl Rig {
         self.session.connecting(bdseq);
         self.handle(Event::Connected(self.stage.broker));
         let acts = self.acts();
-        let filters = acts.iter().find_map(|act| if let Act::Subscribe(it) = act { Some(it.len()) } else { None });
-        self.handle(Event::Subscribed(vec![true; filters.expect("a subscription")]));
+        let filters = acts.iter().find_map(|act| {
+            if let Act::Subscribe(it) = act {
+                Some(it.len())
+            } else {
+                None
+            }
+        });
+        self.handle(Event::Subscribed(vec![
+            true;
+            filters.expect("a subscription")
+        ]));
         self.acts()
     }
 
     /// The host says whether it is online.
     pub(super) fn host(&mut self, online: bool, timestamp: u64) -> Vec<Act> {
         let payload = format!(r#"{{"online":{online},"timestamp":{timestamp}}}"#);
-        self.deliver(&Message { retain: true, ..message(STATE, payload.as_bytes()) })
+        self.deliver(&Message {
+            retain: true,
+            ..message(STATE, payload.as_bytes())
+        })
     }
 
     pub(super) fn deliver(&mut self, message: &Message<'_>) -> Vec<Act> {
@@ -167,26 +193,50 @@ impl Rig {
 
     /// A host writes these metrics of `pump`.
     pub(super) fn command(&mut self, metrics: Vec<Metric>) -> Vec<Act> {
-        let payload = Payload { timestamp: Some(self.unix_ms()), metrics, seq: None };
+        let payload = Payload {
+            timestamp: Some(self.unix_ms()),
+            metrics,
+            seq: None,
+        };
         self.deliver(&message("spBv1.0/hall 1/DCMD/plant/pump", &payload.bytes()))
     }
 
     /// A host writes these metrics of the edge node.
     pub(super) fn node_command(&mut self, metrics: Vec<Metric>) -> Vec<Act> {
-        let payload = Payload { timestamp: Some(self.unix_ms()), metrics, seq: None };
+        let payload = Payload {
+            timestamp: Some(self.unix_ms()),
+            metrics,
+            seq: None,
+        };
         self.deliver(&message("spBv1.0/hall 1/NCMD/plant", &payload.bytes()))
     }
 
-    pub(super) fn answer(&mut self, ticket: Ticket, outcome: Outcome, reason: Reason, is_final: bool) -> Vec<Act> {
+    pub(super) fn answer(
+        &mut self,
+        ticket: Ticket,
+        outcome: Outcome,
+        reason: Reason,
+        is_final: bool,
+    ) -> Vec<Act> {
         let report = Report::new(outcome, reason);
-        let answer = CommandAnswer { asker: AskerId::SPARKPLUG, ticket, drive: DriveIndex(0), report, is_final };
+        let answer = CommandAnswer {
+            asker: AskerId::SPARKPLUG,
+            ticket,
+            drive: DriveIndex(0),
+            report,
+            is_final,
+        };
         self.session.command_answer(&answer);
         self.acts()
     }
 }
 
 pub(super) fn metric(name: &str, value: Value) -> Metric {
-    Metric { name: Some(name.to_owned()), value: Some(value), ..Metric::default() }
+    Metric {
+        name: Some(name.to_owned()),
+        value: Some(value),
+        ..Metric::default()
+    }
 }
 
 pub(super) fn text(name: &str, value: &str) -> Metric {
@@ -195,17 +245,32 @@ pub(super) fn text(name: &str, value: &str) -> Metric {
 
 /// What was published, except the probe.
 pub(super) fn sent(acts: &[Act]) -> Vec<Sent> {
-    let published = acts.iter().filter_map(|act| if let Act::Publish(it) = act { Some(it) } else { None });
+    let published = acts.iter().filter_map(|act| {
+        if let Act::Publish(it) = act {
+            Some(it)
+        } else {
+            None
+        }
+    });
     let published = published.filter(|it| it.topic != PROBE);
     published
         .map(|publication| {
             let mut levels = publication.topic.split('/');
-            assert_eq!((levels.next(), levels.next()), (Some("spBv1.0"), Some("hall 1")));
+            assert_eq!(
+                (levels.next(), levels.next()),
+                (Some("spBv1.0"), Some("hall 1"))
+            );
             let kind = levels.next().expect("a kind").to_owned();
             assert_eq!(levels.next(), Some("plant"));
-            let kind = levels.next().map_or(kind.clone(), |device| format!("{kind} {device}"));
+            let kind = levels
+                .next()
+                .map_or(kind.clone(), |device| format!("{kind} {device}"));
             let payload = Payload::parse(&publication.payload).expect("a payload");
-            Sent { kind, payload, publication: publication.clone() }
+            Sent {
+                kind,
+                payload,
+                publication: publication.clone(),
+            }
         })
         .collect()
 }
@@ -216,14 +281,31 @@ pub(super) fn kinds(acts: &[Act]) -> Vec<String> {
 
 pub(super) fn commands(acts: &[Act]) -> Vec<&CommandRequest> {
     acts.iter()
-        .filter_map(|act| if let Act::ToLine(ToLine::Command(_, request)) = act { Some(request) } else { None })
+        .filter_map(|act| {
+            if let Act::ToLine(ToLine::Command(_, request)) = act {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }
 
 pub(super) fn orders(acts: &[Act]) -> Vec<&Order> {
-    commands(acts).into_iter().map(|request| &request.order).collect()
+    commands(acts)
+        .into_iter()
+        .map(|request| &request.order)
+        .collect()
 }
 
 pub(super) fn kept(acts: &[Act]) -> Vec<&Attempt> {
-    acts.iter().filter_map(|act| if let Act::Keep(_, attempt) = act { Some(attempt) } else { None }).collect()
+    acts.iter()
+        .filter_map(|act| {
+            if let Act::Keep(_, attempt) = act {
+                Some(attempt)
+            } else {
+                None
+            }
+        })
+        .collect()
 }

@@ -28,7 +28,12 @@ impl Entry {
     fn bytes(&self) -> usize {
         /// Alias, moment, type, quality and a number.
         const OTHER_BYTES: usize = 64;
-        OTHER_BYTES + if let Some(Value::Text(text)) = &self.value { text.len() } else { 0 }
+        OTHER_BYTES
+            + if let Some(Value::Text(text)) = &self.value {
+                text.len()
+            } else {
+                0
+            }
     }
 }
 
@@ -47,13 +52,20 @@ pub(super) struct History {
 
 impl History {
     pub(super) fn new(keep: usize) -> Self {
-        Self { keep, ..Self::default() }
+        Self {
+            keep,
+            ..Self::default()
+        }
     }
 
     /// Appends a change.
     pub(super) fn add(&mut self, entry: Entry) {
         self.last += 1;
-        let (queue, most) = if entry.is_trip { (&mut self.trips, TRIPS_MAX) } else { (&mut self.telemetry, self.keep) };
+        let (queue, most) = if entry.is_trip {
+            (&mut self.trips, TRIPS_MAX)
+        } else {
+            (&mut self.telemetry, self.keep)
+        };
         if most == 0 {
             return;
         }
@@ -70,7 +82,9 @@ impl History {
         let mut bytes = 0;
         while taken.len() < most && bytes < room_bytes {
             let next = match (self.telemetry.front(), self.trips.front()) {
-                (Some((telemetry, _)), Some((trip, _))) if telemetry < trip => self.telemetry.pop_front(),
+                (Some((telemetry, _)), Some((trip, _))) if telemetry < trip => {
+                    self.telemetry.pop_front()
+                }
                 (_, Some(_)) => self.trips.pop_front(),
                 (_, None) => self.telemetry.pop_front(),
             };
@@ -84,7 +98,12 @@ impl History {
     /// `entries` were sent after `probes` probes.
     pub(super) fn sent(&mut self, probes: u64, entries: impl IntoIterator<Item = Entry>) {
         let kept = |entry: &Entry| entry.is_trip || self.keep > 0;
-        self.unproven.extend(entries.into_iter().filter(kept).map(|entry| (probes, entry)));
+        self.unproven.extend(
+            entries
+                .into_iter()
+                .filter(kept)
+                .map(|entry| (probes, entry)),
+        );
         // Values that arrive faster than probes return deserve no more room than they have in an outage.
         let most = self.keep + TRIPS_MAX;
         let surplus = self.unproven.len().saturating_sub(most);
@@ -93,7 +112,11 @@ impl History {
 
     /// The probe with this number returned: what was sent before it has passed the broker.
     pub(super) fn proven(&mut self, probe: u64) {
-        while self.unproven.front().is_some_and(|(sent_behind, _)| *sent_behind < probe) {
+        while self
+            .unproven
+            .front()
+            .is_some_and(|(sent_behind, _)| *sent_behind < probe)
+        {
             self.unproven.pop_front();
         }
     }
@@ -105,7 +128,11 @@ impl History {
         }
         let waiting = self.take(usize::MAX, usize::MAX);
         let unproven = std::mem::take(&mut self.unproven);
-        unproven.into_iter().map(|(_, entry)| entry).chain(waiting).for_each(|entry| self.add(entry));
+        unproven
+            .into_iter()
+            .map(|(_, entry)| entry)
+            .chain(waiting)
+            .for_each(|entry| self.add(entry));
     }
 
     /// Changes that wait to be sent.
@@ -124,7 +151,12 @@ mod tests {
     use super::*;
 
     fn entry(at_ms: u64, is_trip: bool) -> Entry {
-        Entry { metric: 0, at_ms, value: Some(Value::Boolean(is_trip)), is_trip }
+        Entry {
+            metric: 0,
+            at_ms,
+            value: Some(Value::Boolean(is_trip)),
+            is_trip,
+        }
     }
 
     fn moments(entries: &[Entry]) -> Vec<u64> {
@@ -150,7 +182,14 @@ mod tests {
         for at in 1..5 {
             history.add(entry(at, false));
         }
-        assert_eq!((history.len(), history.take_dropped(), history.take_dropped()), (3, 2, 0));
+        assert_eq!(
+            (
+                history.len(),
+                history.take_dropped(),
+                history.take_dropped()
+            ),
+            (3, 2, 0)
+        );
         assert_eq!(moments(&history.take(9, usize::MAX)), [0, 3, 4]);
         let mut history = History::new(0);
         (0..1000).for_each(|at| history.add(entry(at, at % 2 == 0)));

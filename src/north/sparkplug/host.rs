@@ -27,7 +27,12 @@ pub(super) struct Host {
 
 impl Host {
     pub(super) const fn new(is_awaited: bool) -> Self {
-        Self { is_awaited, is_online: false, timestamp: None, behind_ms: None }
+        Self {
+            is_awaited,
+            is_online: false,
+            timestamp: None,
+            behind_ms: None,
+        }
     }
 
     /// A new connection: what was known no longer applies to this broker.
@@ -50,7 +55,9 @@ impl Host {
 
     /// Takes a STATE message. One that is older than a previous one is the delayed will of an earlier session.
     pub(super) fn take(&mut self, payload: &[u8]) -> News {
-        let Some((is_online, timestamp)) = read(payload) else { return News::Nothing };
+        let Some((is_online, timestamp)) = read(payload) else {
+            return News::Nothing;
+        };
         if let Some(last) = self.timestamp.filter(|last| timestamp < *last) {
             if is_online && !self.is_online {
                 self.behind_ms = Some(last - timestamp);
@@ -70,7 +77,10 @@ impl Host {
 
 fn read(payload: &[u8]) -> Option<(bool, u64)> {
     let state: Value = serde_json::from_slice(without_mark(payload)).ok()?;
-    Some((state.get("online")?.as_bool()?, state.get("timestamp")?.as_u64()?))
+    Some((
+        state.get("online")?.as_bool()?,
+        state.get("timestamp")?.as_u64()?,
+    ))
 }
 
 #[cfg(test)]
@@ -87,14 +97,26 @@ mod tests {
         let mut host = Host::new(true);
         assert!(!host.is_there());
         assert_eq!(host.take(&state(true, 100)), News::Online);
-        assert_eq!(host.take(&state(false, 99)), News::Nothing, "the delayed will of its former session");
+        assert_eq!(
+            host.take(&state(false, 99)),
+            News::Nothing,
+            "the delayed will of its former session"
+        );
         assert!(host.is_there());
-        assert_eq!(host.take(&state(false, 100)), News::Offline, "its own will has the timestamp of its birth");
+        assert_eq!(
+            host.take(&state(false, 100)),
+            News::Offline,
+            "its own will has the timestamp of its birth"
+        );
         assert!(!host.is_there());
         assert_eq!(host.take(&state(true, 101)), News::Online);
         host.forget();
         assert!(!host.is_there());
-        assert_eq!(host.take(&state(true, 5)), News::Online, "of another broker");
+        assert_eq!(
+            host.take(&state(true, 5)),
+            News::Online,
+            "of another broker"
+        );
     }
 
     #[test]
@@ -102,10 +124,20 @@ mod tests {
         let mut host = Host::new(true);
         host.take(&state(true, 7_200_000));
         host.take(&state(false, 7_200_000));
-        assert_eq!((host.take(&state(false, 10)), host.behind_ms()), (News::Nothing, None), "a late will");
-        assert_eq!((host.take(&state(true, 3_600_000)), host.behind_ms()), (News::Nothing, Some(3_600_000)));
+        assert_eq!(
+            (host.take(&state(false, 10)), host.behind_ms()),
+            (News::Nothing, None),
+            "a late will"
+        );
+        assert_eq!(
+            (host.take(&state(true, 3_600_000)), host.behind_ms()),
+            (News::Nothing, Some(3_600_000))
+        );
         assert!(!host.is_there());
-        assert_eq!((host.take(&state(true, 7_200_001)), host.behind_ms()), (News::Online, None));
+        assert_eq!(
+            (host.take(&state(true, 7_200_001)), host.behind_ms()),
+            (News::Online, None)
+        );
         host.take(&state(true, 1));
         assert_eq!(host.behind_ms(), None, "it is there");
         host.take(&state(false, 7_200_001));
@@ -117,8 +149,15 @@ mod tests {
     #[test]
     fn what_is_no_state_changes_nothing() {
         let mut host = Host::new(true);
-        for bad in [&b"ONLINE"[..], b"", b"{}", b"[]", br#"{"online":1,"timestamp":2}"#, br#"{"online":true}"#, b"\xFF"]
-        {
+        for bad in [
+            &b"ONLINE"[..],
+            b"",
+            b"{}",
+            b"[]",
+            br#"{"online":1,"timestamp":2}"#,
+            br#"{"online":true}"#,
+            b"\xFF",
+        ] {
             assert_eq!(host.take(bad), News::Nothing);
         }
         assert!(!host.is_there() && Host::new(false).is_there());

@@ -90,31 +90,49 @@ pub(super) struct Definition {
 
 impl Definition {
     fn new(name: impl Into<String>, source: Source, datatype: Datatype) -> Self {
-        Self { name: name.into(), source, datatype, unit: None, range: None }
+        Self {
+            name: name.into(),
+            source,
+            datatype,
+            unit: None,
+            range: None,
+        }
     }
 
     /// Its changes are published at once, and not gathered with measured values.
     pub(super) const fn is_prompt(&self) -> bool {
-        !matches!(self.source, Source::Topic(Kind::Polled(_) | Kind::Rated(_) | Kind::Usage(_)))
+        !matches!(
+            self.source,
+            Source::Topic(Kind::Polled(_) | Kind::Rated(_) | Kind::Usage(_))
+        )
     }
 
     /// Whether its changes are kept while no host can be reached.
     pub(super) const fn is_recorded(&self) -> bool {
-        let is_measured =
-            matches!(self.source, Source::Topic(Kind::RunState | Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint));
+        let is_measured = matches!(
+            self.source,
+            Source::Topic(Kind::RunState | Kind::Polled(_) | Kind::Rated(_) | Kind::Setpoint)
+        );
         is_measured || self.is_trip()
     }
 
     /// Whether it concerns trips.
     pub(super) const fn is_trip(&self) -> bool {
         use Kind::{TripActive, TripCode, TripCount, TripLast, TripText};
-        let topic = matches!(self.source, Source::Topic(TripActive | TripCode | TripCount | TripLast | TripText));
+        let topic = matches!(
+            self.source,
+            Source::Topic(TripActive | TripCode | TripCount | TripLast | TripText)
+        );
         topic || matches!(self.source, Source::TripTotal)
     }
 
     /// The input that a host writes here; `None`: it may not.
     pub(super) const fn input(&self) -> Option<Input> {
-        if let Source::Input(input) = self.source { Some(input) } else { None }
+        if let Source::Input(input) = self.source {
+            Some(input)
+        } else {
+            None
+        }
     }
 
     /// What a birth says of it besides its value: the property names that hosts know.
@@ -125,30 +143,66 @@ impl Definition {
         };
         let set = PropertySet::default();
         let set = match self.unit {
-            Some(unit) => set.with("engUnit", Datatype::Text, PropertyScalar::Text(unit.to_owned())),
+            Some(unit) => set.with(
+                "engUnit",
+                Datatype::Text,
+                PropertyScalar::Text(unit.to_owned()),
+            ),
             None => set,
         };
         let set = number(set, "engLow", self.range.map(|(low, _)| low));
         let set = number(set, "engHigh", self.range.map(|(_, high)| high));
-        set.with("readOnly", Datatype::Boolean, PropertyScalar::Boolean(self.input().is_none()))
+        set.with(
+            "readOnly",
+            Datatype::Boolean,
+            PropertyScalar::Boolean(self.input().is_none()),
+        )
     }
 }
 
 /// The metrics of `drive`, always in the same order.
 pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
-    let topics = kinds(drive).into_iter().filter(|(kind, _)| *kind != Kind::Availability);
-    let mut all: Vec<_> = topics.map(|(kind, name)| of_topic(drive, kind, name)).collect();
-    all.push(Definition::new("trip/total", Source::TripTotal, Datatype::Int64));
+    let topics = kinds(drive)
+        .into_iter()
+        .filter(|(kind, _)| *kind != Kind::Availability);
+    let mut all: Vec<_> = topics
+        .map(|(kind, name)| of_topic(drive, kind, name))
+        .collect();
+    all.push(Definition::new(
+        "trip/total",
+        Source::TripTotal,
+        Datatype::Int64,
+    ));
     let flags = [
         ("status/may_still_run", Status::MayStillRun, true),
-        ("status/local", Status::Local, drive.model.status_flag(Flag::BusRun).is_some()),
-        ("status/alarm", Status::Alarm, drive.model.status_flag(Flag::Alarm).is_some()),
-        ("status/ready", Status::Ready, drive.model.status_flag(Flag::Ready).is_some()),
+        (
+            "status/local",
+            Status::Local,
+            drive.model.status_flag(Flag::BusRun).is_some(),
+        ),
+        (
+            "status/alarm",
+            Status::Alarm,
+            drive.model.status_flag(Flag::Alarm).is_some(),
+        ),
+        (
+            "status/ready",
+            Status::Ready,
+            drive.model.status_flag(Flag::Ready).is_some(),
+        ),
     ];
     let flags = flags.into_iter().filter(|(_, _, has_it)| *has_it);
-    all.extend(flags.map(|(name, status, _)| Definition::new(name, Source::Status(status), Datatype::Boolean)));
+    all.extend(
+        flags.map(|(name, status, _)| {
+            Definition::new(name, Source::Status(status), Datatype::Boolean)
+        }),
+    );
     if drive.model.watchdog.is_some() {
-        all.push(Definition::new("watchdog/state", Source::Watchdog, Datatype::Text));
+        all.push(Definition::new(
+            "watchdog/state",
+            Source::Watchdog,
+            Datatype::Text,
+        ));
     }
     if let Some(control) = &drive.control {
         all.extend(of_control());
@@ -157,9 +211,21 @@ pub(super) fn of_drive(drive: &DriveDescription) -> Vec<Definition> {
             all.extend(results());
         }
     }
-    all.push(Definition::new("Properties/model", Source::Model, Datatype::Text));
-    all.push(Definition::new("Properties/line", Source::Line, Datatype::Text));
-    all.push(Definition::new("Properties/unit", Source::Unit, Datatype::Int32));
+    all.push(Definition::new(
+        "Properties/model",
+        Source::Model,
+        Datatype::Text,
+    ));
+    all.push(Definition::new(
+        "Properties/line",
+        Source::Line,
+        Datatype::Text,
+    ));
+    all.push(Definition::new(
+        "Properties/unit",
+        Source::Unit,
+        Datatype::Int32,
+    ));
     all
 }
 
@@ -170,20 +236,30 @@ fn of_topic(drive: &DriveDescription, kind: Kind, name: String) -> Definition {
         Kind::TripCode | Kind::TripCount | Kind::WarningCode => Datatype::Int32,
         Kind::Usage(UsagePart::Energy | UsagePart::RunningHours) => Datatype::Double,
         Kind::Usage(UsagePart::Starts | UsagePart::Trips) => Datatype::Int64,
-        Kind::Availability | Kind::RunState | Kind::Owner | Kind::TripText | Kind::TripLast | Kind::WarningText => {
-            Datatype::Text
-        }
+        Kind::Availability
+        | Kind::RunState
+        | Kind::Owner
+        | Kind::TripText
+        | Kind::TripLast
+        | Kind::WarningText => Datatype::Text,
     };
     let register = |place: usize| drive.model.registers.get(place);
     let unit = match kind {
         Kind::Polled(place) => register(place).map(|it| it.unit),
-        Kind::Rated(place) => register(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|rated| rated.unit),
+        Kind::Rated(place) => register(place)
+            .and_then(|it| Rated::of(it, &drive.ratings))
+            .map(|rated| rated.unit),
         Kind::Setpoint => Some(UnitOfMeasure::Hertz),
         Kind::Usage(part) => Some(part.unit()),
         _ => None,
     };
-    let unit = unit.filter(|unit| *unit != UnitOfMeasure::None).map(UnitOfMeasure::symbol);
-    Definition { unit, ..Definition::new(name, Source::Topic(kind), datatype) }
+    let unit = unit
+        .filter(|unit| *unit != UnitOfMeasure::None)
+        .map(UnitOfMeasure::symbol);
+    Definition {
+        unit,
+        ..Definition::new(name, Source::Topic(kind), datatype)
+    }
 }
 
 fn of_control() -> impl Iterator<Item = Definition> {
@@ -195,7 +271,9 @@ fn of_control() -> impl Iterator<Item = Definition> {
         ("control/stopped_elsewhere", Control::StoppedElsewhere),
         ("control/failsafe", Control::FailSafe),
     ];
-    parts.into_iter().map(|(name, part)| Definition::new(name, Source::Control(part), Datatype::Boolean))
+    parts
+        .into_iter()
+        .map(|(name, part)| Definition::new(name, Source::Control(part), Datatype::Boolean))
 }
 
 fn inputs(drive: &DriveDescription, control: &ControlSettings) -> Vec<Definition> {
@@ -226,11 +304,15 @@ fn results() -> impl Iterator<Item = Definition> {
         ("result/message", ResultPart::Message, Datatype::Text),
         ("result/count", ResultPart::Count, Datatype::Int64),
     ];
-    parts.into_iter().map(|(name, part, datatype)| Definition::new(name, Source::Result(part), datatype))
+    parts
+        .into_iter()
+        .map(|(name, part, datatype)| Definition::new(name, Source::Result(part), datatype))
 }
 
 /// The register that a metric shows.
 pub(super) fn register(drive: &DriveDescription, source: Source) -> Option<&Register> {
-    let Source::Topic(kind) = source else { return None };
+    let Source::Topic(kind) = source else {
+        return None;
+    };
     drive.model.registers.get(kind.register()?)
 }

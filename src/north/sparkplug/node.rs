@@ -61,7 +61,13 @@ pub(super) fn bdseq(number: u8, at_ms: u64) -> Metric {
 
 impl Node {
     /// All metrics of the edge node. `stops`: there are drives that a host may stop.
-    pub(super) fn birth(&mut self, bdseq: Metric, at_ms: u64, lines: &[LineState], stops: bool) -> Vec<Metric> {
+    pub(super) fn birth(
+        &mut self,
+        bdseq: Metric,
+        at_ms: u64,
+        lines: &[LineState],
+        stops: bool,
+    ) -> Vec<Metric> {
         let metric = |name: &str, alias: Option<u64>, datatype: Datatype, value: Value| Metric {
             name: Some(name.to_owned()),
             alias,
@@ -72,16 +78,36 @@ impl Node {
             ..Metric::default()
         };
         let text = |text: &str| Value::Text(text.to_owned());
-        let mut all = vec![bdseq, metric(REBIRTH, None, Datatype::Boolean, Value::Boolean(false))];
+        let mut all = vec![
+            bdseq,
+            metric(REBIRTH, None, Datatype::Boolean, Value::Boolean(false)),
+        ];
         let version = env!("CARGO_PKG_VERSION");
-        all.push(metric("Properties/version", Some(VERSION_ALIAS), Datatype::Text, text(version)));
+        all.push(metric(
+            "Properties/version",
+            Some(VERSION_ALIAS),
+            Datatype::Text,
+            text(version),
+        ));
         if stops {
-            all.push(metric(STOP_ALL, Some(STOP_ALL_ALIAS), Datatype::Text, text("")));
+            all.push(metric(
+                STOP_ALL,
+                Some(STOP_ALL_ALIAS),
+                Datatype::Text,
+                text(""),
+            ));
         }
         self.told = lines.iter().map(status).collect();
-        let of_lines = (FIRST_LINE_ALIAS..).zip(lines.iter().zip(&self.told)).map(|(alias, (line, status))| {
-            metric(&format!("line/{}/status", line.name), Some(alias), Datatype::Text, text(status))
-        });
+        let of_lines = (FIRST_LINE_ALIAS..).zip(lines.iter().zip(&self.told)).map(
+            |(alias, (line, status))| {
+                metric(
+                    &format!("line/{}/status", line.name),
+                    Some(alias),
+                    Datatype::Text,
+                    text(status),
+                )
+            },
+        );
         all.extend(of_lines);
         all
     }
@@ -98,17 +124,29 @@ impl Node {
             let value = Some(Value::Text(status));
             let timestamp = Some(at_ms);
             let datatype = Some(Datatype::Text as u32);
-            changed.push(Metric { alias: Some(alias), timestamp, datatype, value, ..Metric::default() });
+            changed.push(Metric {
+                alias: Some(alias),
+                timestamp,
+                datatype,
+                value,
+                ..Metric::default()
+            });
         }
         changed
     }
 }
 
 fn status(line: &LineState) -> String {
-    line.report.down_reason().map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
+    line.report
+        .down_reason()
+        .map_or_else(|| "up".to_owned(), |reason| format!("down: {reason}"))
 }
 
 fn read_only(is_read_only: bool) -> Option<PropertySet> {
     let set = PropertySet::default();
-    Some(set.with("readOnly", Datatype::Boolean, PropertyScalar::Boolean(is_read_only)))
+    Some(set.with(
+        "readOnly",
+        Datatype::Boolean,
+        PropertyScalar::Boolean(is_read_only),
+    ))
 }

@@ -36,16 +36,28 @@ enum MetricOrder {
 pub(super) fn read(device: &Device, metrics: &[Metric]) -> DeviceCommand {
     let read: Vec<_> = metrics.iter().map(|metric| part(device, metric)).collect();
     let has = |part: MetricOrder| read.contains(&Ok(Some(part)));
-    for (part, order) in [(MetricOrder::Stop, Order::Stop { setpoint: None }), (MetricOrder::Coast, Order::Coast)] {
+    for (part, order) in [
+        (MetricOrder::Stop, Order::Stop { setpoint: None }),
+        (MetricOrder::Coast, Order::Coast),
+    ] {
         if has(part) {
             let refused = read.into_iter().find_map(Result::err);
-            return DeviceCommand { order: Some(order), refused };
+            return DeviceCommand {
+                order: Some(order),
+                refused,
+            };
         }
     }
     let parts: Result<Vec<_>, _> = read.into_iter().filter_map(Result::transpose).collect();
     match parts.and_then(|parts| one_order(&parts)) {
-        Ok(order) => DeviceCommand { order, refused: None },
-        Err(refused) => DeviceCommand { order: None, refused: Some(refused) },
+        Ok(order) => DeviceCommand {
+            order,
+            refused: None,
+        },
+        Err(refused) => DeviceCommand {
+            order: None,
+            refused: Some(refused),
+        },
     }
 }
 
@@ -81,16 +93,30 @@ fn conflict() -> Refused {
 
 /// What `metric` orders; `None`: a button that is not pressed.
 fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused> {
-    let Some(definition) = device.definition(metric) else { return Err(unknown(device, metric)) };
+    let Some(definition) = device.definition(metric) else {
+        return Err(unknown(device, metric));
+    };
     let name = definition.name.as_str();
     let input = definition.input().ok_or_else(|| {
         let inputs: Vec<_> = device.inputs().collect();
-        let right = if inputs.is_empty() { "nothing here is".to_owned() } else { inputs.join(", ") };
-        Refused::new(Reason::NotUnderstood, format!("`{name}` is not written; what is: {right}"))
+        let right = if inputs.is_empty() {
+            "nothing here is".to_owned()
+        } else {
+            inputs.join(", ")
+        };
+        Refused::new(
+            Reason::NotUnderstood,
+            format!("`{name}` is not written; what is: {right}"),
+        )
     })?;
-    let value = metric.value.as_ref().filter(|_| metric.is_null != Some(true));
+    let value = metric
+        .value
+        .as_ref()
+        .filter(|_| metric.is_null != Some(true));
     match input {
-        Input::Frequency => frequency(name, value, device.setpoint_step()).map(MetricOrder::Frequency).map(Some),
+        Input::Frequency => frequency(name, value, device.setpoint_step())
+            .map(MetricOrder::Frequency)
+            .map(Some),
         Input::Run => run(name, value).map(Some),
         Input::Reset => button(name, value, MetricOrder::Reset),
         Input::Take => button(name, value, MetricOrder::Take),
@@ -102,12 +128,18 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused
 fn unknown(device: &Device, metric: &Metric) -> Refused {
     let message = match (&metric.name, metric.alias) {
         (Some(name), _) => {
-            let near = if name.len() <= 64 { nearest(name, device.inputs()) } else { None };
+            let near = if name.len() <= 64 {
+                nearest(name, device.inputs())
+            } else {
+                None
+            };
             let hint = near.map_or_else(String::new, |near| format!("; is it `{near}`?"));
             format!("there is no metric `{}`{hint}", short(name))
         }
         (None, Some(alias)) => {
-            format!("no metric of this device has the alias {alias}; its birth says which have which")
+            format!(
+                "no metric of this device has the alias {alias}; its birth says which have which"
+            )
         }
         (None, None) => "a metric has neither name nor alias".to_owned(),
     };
@@ -131,7 +163,10 @@ fn frequency(name: &str, value: Option<&Value>, step: Option<Decimal>) -> Result
 
 fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
     let Some(Value::Text(text)) = value else {
-        return Err(Refused::new(Reason::NotUnderstood, format!("`{name}` takes text: {RUN_EXAMPLE}")));
+        return Err(Refused::new(
+            Reason::NotUnderstood,
+            format!("`{name}` takes text: {RUN_EXAMPLE}"),
+        ));
     };
     Ok(match run_word(text)? {
         RunWord::Run(direction) => MetricOrder::Run(direction),
@@ -140,9 +175,16 @@ fn run(name: &str, value: Option<&Value>) -> Result<MetricOrder, Refused> {
     })
 }
 
-fn button(name: &str, value: Option<&Value>, part: MetricOrder) -> Result<Option<MetricOrder>, Refused> {
+fn button(
+    name: &str,
+    value: Option<&Value>,
+    part: MetricOrder,
+) -> Result<Option<MetricOrder>, Refused> {
     match value {
         Some(Value::Boolean(is_down)) => Ok(is_down.then_some(part)),
-        _ => Err(Refused::new(Reason::NotUnderstood, format!("`{name}` accepts only true; false has no effect"))),
+        _ => Err(Refused::new(
+            Reason::NotUnderstood,
+            format!("`{name}` accepts only true; false has no effect"),
+        )),
     }
 }

@@ -90,7 +90,10 @@ impl PropertySet {
     #[must_use]
     pub fn with(mut self, key: &str, datatype: Datatype, value: PropertyScalar) -> Self {
         self.keys.push(key.to_owned());
-        self.values.push(PropertyValue { datatype: Some(datatype as u32), value: Some(value) });
+        self.values.push(PropertyValue {
+            datatype: Some(datatype as u32),
+            value: Some(value),
+        });
         self
     }
 
@@ -208,7 +211,11 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let properties = PropertySet::default().with("engUnit", Datatype::Text, PropertyScalar::Text("Hz".into()));
+        let properties = PropertySet::default().with(
+            "engUnit",
+            Datatype::Text,
+            PropertyScalar::Text("Hz".into()),
+        );
         let values = [
             Value::of_i32(-2),
             Value::of_i64(-3),
@@ -238,17 +245,31 @@ mod tests {
     /// tck-id-payloads-metric-datatype-value, tck-id-payloads-propertyset-quality-value-value.
     #[test]
     fn types_and_qualities_have_the_numbers_of_the_specification() {
-        let types = [Datatype::Int32, Datatype::Int64, Datatype::Double, Datatype::Boolean, Datatype::Text];
+        let types = [
+            Datatype::Int32,
+            Datatype::Int64,
+            Datatype::Double,
+            Datatype::Boolean,
+            Datatype::Text,
+        ];
         assert_eq!(types.map(|it| it as u32), [3, 4, 10, 11, 12]);
-        assert_eq!([Quality::Good, Quality::Stale].map(|it| it as u32), [192, 500]);
+        assert_eq!(
+            [Quality::Good, Quality::Stale].map(|it| it as u32),
+            [192, 500]
+        );
     }
 
     #[test]
     fn fields_that_are_not_used_are_skipped() {
         // uuid (4) and body (5) of the payload, a data set (17) as the value of its metric.
-        let bytes = [0x22, 1, b'u', 0x2A, 2, 1, 2, 0x12, 6, 0x0A, 1, b'a', 0x8A, 0x01, 0];
+        let bytes = [
+            0x22, 1, b'u', 0x2A, 2, 1, 2, 0x12, 6, 0x0A, 1, b'a', 0x8A, 0x01, 0,
+        ];
         let read = Payload::read(&bytes).unwrap();
-        assert_eq!((read.metrics.len(), read.metrics[0].name.as_deref()), (1, Some("a")));
+        assert_eq!(
+            (read.metrics.len(), read.metrics[0].name.as_deref()),
+            (1, Some("a"))
+        );
         assert_eq!(read.metrics[0].value, None);
     }
 

@@ -13,7 +13,8 @@ use crate::domain::time::MonoTime;
 use crate::drive::description::DriveDescription;
 use crate::drive::view::DriveView;
 use crate::north::broker::{
-    Broker, Commands, Event, Issued, LineState, Message, Oversized, OversizedTopics, Path, Publication, Qos, Returned,
+    Broker, Commands, Event, Issued, LineState, Message, Oversized, OversizedTopics, Path,
+    Publication, Qos, Returned,
 };
 use crate::north::clock::{Clock, Moment};
 use std::sync::Arc;
@@ -120,13 +121,23 @@ impl Session {
     #[must_use]
     pub fn will(&self) -> Publication {
         // Written before the connection, so its timestamp would be wrong.
-        let metric = Metric { timestamp: None, ..node::bdseq(self.bdseq, 0) };
-        self.death(Payload { timestamp: None, metrics: vec![metric], seq: None })
+        let metric = Metric {
+            timestamp: None,
+            ..node::bdseq(self.bdseq, 0)
+        };
+        self.death(Payload {
+            timestamp: None,
+            metrics: vec![metric],
+            seq: None,
+        })
     }
 
     fn death(&self, payload: Payload) -> Publication {
         let qos = Qos::AtLeastOnce;
-        Publication { qos, ..publication(self.topics.node(Kind::Death), payload.bytes()) }
+        Publication {
+            qos,
+            ..publication(self.topics.node(Kind::Death), payload.bytes())
+        }
     }
 
     /// Takes what happened on the connection.
@@ -145,7 +156,8 @@ impl Session {
                 self.is_connected = true;
             }
             Event::Subscribed(granted) => {
-                let is_granted = granted.len() == self.topics.filters().len() && granted.iter().all(|it| *it);
+                let is_granted =
+                    granted.len() == self.topics.filters().len() && granted.iter().all(|it| *it);
                 self.path.subscribed(at.mono, is_granted);
             }
             Event::Message(message) => self.message(at, &message),
@@ -180,7 +192,9 @@ impl Session {
             return;
         }
         let proven = self.path.settled();
-        self.devices.iter_mut().for_each(|device| device.history.proven(proven));
+        self.devices
+            .iter_mut()
+            .for_each(|device| device.history.proven(proven));
         if self.host.is_there() && self.is_born && self.path.is_sign_of_life(at.mono) {
             self.commands.path_alive();
         }
@@ -235,8 +249,19 @@ impl Session {
         }
         let first = lines.iter().find_map(|line| line.report.standby);
         self.is_mine = first.is_some_and(|standby| standby.role == LineRole::Active);
-        let role_on = |name: &Name| lines.iter().find(|line| line.name == *name)?.report.standby.map(|it| it.role);
-        self.listens = self.drives.iter().map(|drive| role_on(&drive.line) == Some(LineRole::Listening)).collect();
+        let role_on = |name: &Name| {
+            lines
+                .iter()
+                .find(|line| line.name == *name)?
+                .report
+                .standby
+                .map(|it| it.role)
+        };
+        self.listens = self
+            .drives
+            .iter()
+            .map(|drive| role_on(&drive.line) == Some(LineRole::Listening))
+            .collect();
     }
 
     /// Whether there is to be a connection: only the edge node has one.
@@ -264,12 +289,22 @@ impl Session {
         }
         // Once the host is gone, nothing is sent until the connection is left.
         let may_tell = self.may_tell();
-        let path = if self.is_born && may_tell { self.path.wake() } else { self.path.overdue() };
+        let path = if self.is_born && may_tell {
+            self.path.wake()
+        } else {
+            self.path.overdue()
+        };
         // Devices that are not checked would not be served.
-        let looked_at = self.devices.iter().filter(|device| device.is_born || !self.is_born && self.keeps());
+        let looked_at = self
+            .devices
+            .iter()
+            .filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(Device::wake).min();
         let rebirth = self.rebirth_at.filter(|_| may_tell);
-        [path, rebirth, self.commands.wake(), devices].into_iter().flatten().min()
+        [path, rebirth, self.commands.wake(), devices]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
     /// Whether there is a host to publish to, and it can be reached.
@@ -285,11 +320,20 @@ impl Session {
     /// The next item for the lines, and after them attempts to be kept. It needs no room on the connection.
     pub fn next_inward(&mut self) -> Option<Act> {
         let to_line = self.commands.next_to_line().map(Act::ToLine);
-        to_line.or_else(|| self.commands.next_attempt().map(|(drive, attempt)| Act::Keep(drive, attempt)))
+        to_line.or_else(|| {
+            self.commands
+                .next_attempt()
+                .map(|(drive, attempt)| Act::Keep(drive, attempt))
+        })
     }
 
     /// The next act. `views` are in the order of the drives, `lines` in the order of the lines.
-    pub fn next_act(&mut self, at: Moment, views: &[Arc<DriveView>], lines: &[LineState]) -> Option<Act> {
+    pub fn next_act(
+        &mut self,
+        at: Moment,
+        views: &[Arc<DriveView>],
+        lines: &[LineState],
+    ) -> Option<Act> {
         if let Some(act) = self.next_inward() {
             return Some(act);
         }
@@ -320,7 +364,11 @@ impl Session {
         self.clock.see(at);
         let at_ms = millis(self.clock, at.mono);
         let metrics = vec![node::bdseq(self.bdseq, at_ms)];
-        vec![self.death(Payload { timestamp: Some(at_ms), metrics, seq: None })]
+        vec![self.death(Payload {
+            timestamp: Some(at_ms),
+            metrics,
+            seq: None,
+        })]
     }
 
     /// Whether a host can command: all is born, the primary host is online if one is configured, and the path through
@@ -333,7 +381,10 @@ impl Session {
     /// Whether the primary host is online; `None` if none is configured.
     #[must_use]
     pub fn is_host_online(&self) -> Option<bool> {
-        self.settings.primary_host.is_some().then(|| self.host.is_there())
+        self.settings
+            .primary_host
+            .is_some()
+            .then(|| self.host.is_there())
     }
 
     /// What is not published because it is larger than the broker takes.
@@ -352,7 +403,12 @@ impl Session {
     pub const fn counters(&self) -> Counters {
         let (attempts_lost, is_left_to_another) = (self.commands.attempts_lost(), !self.is_mine);
         let host_behind_ms = self.host.behind_ms();
-        Counters { attempts_lost, is_left_to_another, host_behind_ms, ..self.counters }
+        Counters {
+            attempts_lost,
+            is_left_to_another,
+            host_behind_ms,
+            ..self.counters
+        }
     }
 }
 

@@ -19,7 +19,10 @@ fn set(rig: &mut Rig, role: LineRole) -> Vec<Act> {
 }
 
 fn half(role: LineRole) -> Rig {
-    let mut rig = Rig::with(Settings { standby: true, ..settings() });
+    let mut rig = Rig::with(Settings {
+        standby: true,
+        ..settings()
+    });
     rig.poll(0, 3_000);
     assert!(!rig.session.wants_connection(), "before its role is known");
     assert_eq!(set(&mut rig, role), []);
@@ -48,7 +51,12 @@ fn who_gives_the_line_up_dies_and_stays_away() {
     rig.host(true, 1);
     let acts = set(&mut rig, LineRole::Listening);
     assert!(matches!(acts[..], [Act::Leave(_)]), "{acts:?}");
-    let farewell: Vec<_> = rig.session.farewell(rig.at()).into_iter().map(Act::Publish).collect();
+    let farewell: Vec<_> = rig
+        .session
+        .farewell(rig.at())
+        .into_iter()
+        .map(Act::Publish)
+        .collect();
     assert_eq!(kinds(&farewell), ["NDEATH"]);
     rig.handle(crate::north::broker::Event::Lost);
     assert!(!rig.session.wants_connection());
@@ -63,10 +71,15 @@ fn who_gives_the_line_up_dies_and_stays_away() {
 #[test]
 fn a_drive_of_a_line_where_another_is_active_is_no_device() {
     let mut rig = half(LineRole::Active);
-    let other = crate::north::broker::LineState { name: name("other"), ..rig.lines[0].clone() };
+    let other = crate::north::broker::LineState {
+        name: name("other"),
+        ..rig.lines[0].clone()
+    };
     rig.lines.insert(0, other);
-    rig.lines[1].report.standby =
-        rig.lines[1].report.standby.map(|it| StandbyReport { role: LineRole::Listening, ..it });
+    rig.lines[1].report.standby = rig.lines[1].report.standby.map(|it| StandbyReport {
+        role: LineRole::Listening,
+        ..it
+    });
     rig.acts();
     rig.connect(3);
     assert_eq!(kinds(&rig.host(true, 1)), ["NBIRTH"]);

@@ -34,7 +34,10 @@ impl Session {
         if let Some(payload) = self.path.take_probe(at) {
             // It must wait wherever a command waits, so it has to be in the same queue of the broker.
             let qos = Qos::AtLeastOnce;
-            return Some(Act::Publish(Publication { qos, ..publication(self.topics.probe(), payload) }));
+            return Some(Act::Publish(Publication {
+                qos,
+                ..publication(self.topics.probe(), payload)
+            }));
         }
         if self.rebirth_at.is_some() {
             // No data once births are requested; what changes until they are due is not lost.
@@ -48,12 +51,19 @@ impl Session {
         let data = self.next_of_devices(at, views, |device, now, probes| device.data(now, probes));
         // The last one taken may need as much room again.
         let room_bytes = self.packet_bytes_max() / 2;
-        data.or_else(|| self.next_of_devices(at, views, |device, _, probes| device.past(probes, room_bytes)))
+        data.or_else(|| {
+            self.next_of_devices(at, views, |device, _, probes| {
+                device.past(probes, room_bytes)
+            })
+        })
     }
 
     /// NBIRTH, with which everything starts over.
     fn node_birth(&mut self, at: MonoTime, lines: &[LineState]) -> Act {
-        let stops = self.drives.iter().any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
+        let stops = self
+            .drives
+            .iter()
+            .any(|drive| drive.control.as_ref().is_some_and(|it| it.from_sparkplug));
         let at_ms = millis(self.clock, at);
         let bdseq = node::bdseq(self.bdseq, at_ms);
         let metrics = self.node.birth(bdseq, at_ms, lines, stops);
@@ -71,7 +81,9 @@ impl Session {
         let act = self.publish(at, self.topics.node(Kind::Birth), metrics);
         self.is_born = act.is_some();
         self.is_known |= self.is_born;
-        act.unwrap_or(Act::Reconnect("the broker takes no packet as large as NBIRTH"))
+        act.unwrap_or(Act::Reconnect(
+            "the broker takes no packet as large as NBIRTH",
+        ))
     }
 
     /// The next birth or death of a device.
@@ -88,7 +100,12 @@ impl Session {
                 let topic = self.topics.device(DeviceKind::Death, &drive.name);
                 return self.publish(at, topic, Vec::new());
             }
-            let now = Present { at, clock: self.clock, drive, view };
+            let now = Present {
+                at,
+                clock: self.clock,
+                drive,
+                view,
+            };
             let metrics = device.birth(&now);
             let topic = self.topics.device(DeviceKind::Birth, &drive.name);
             let act = self.publish(at, topic, metrics);
@@ -114,17 +131,34 @@ impl Session {
         for _ in 0..self.devices.len() {
             let place = self.place;
             self.place = (self.place + 1) % self.devices.len();
-            let (Some(view), device, drive) = (views.get(place), &mut self.devices[place], &self.drives[place]) else {
+            let (Some(view), device, drive) = (
+                views.get(place),
+                &mut self.devices[place],
+                &self.drives[place],
+            ) else {
                 continue;
             };
             if !device.is_born {
                 continue;
             }
-            let metrics = data(device, &Present { at, clock: self.clock, drive, view }, probes);
+            let metrics = data(
+                device,
+                &Present {
+                    at,
+                    clock: self.clock,
+                    drive,
+                    view,
+                },
+                probes,
+            );
             if metrics.is_empty() {
                 continue;
             }
-            let act = self.publish(at, self.topics.device(DeviceKind::Data, &drive.name), metrics);
+            let act = self.publish(
+                at,
+                self.topics.device(DeviceKind::Data, &drive.name),
+                metrics,
+            );
             if act.is_some() {
                 return act;
             }
@@ -135,18 +169,31 @@ impl Session {
     /// Keeps what happens while no host can be reached.
     fn record(&mut self, at: MonoTime, views: &[Arc<DriveView>]) {
         for ((device, drive), view) in self.devices.iter_mut().zip(&self.drives).zip(views) {
-            device.record(&Present { at, clock: self.clock, drive, view });
+            device.record(&Present {
+                at,
+                clock: self.clock,
+                drive,
+                view,
+            });
         }
     }
 
     /// A message with the next number; `None` if the broker accepts none as large, and then no number is used.
     fn publish(&mut self, at: MonoTime, topic: String, metrics: Vec<Metric>) -> Option<Act> {
-        let payload = Payload { timestamp: Some(millis(self.clock, at)), metrics, seq: Some(self.seq.into()) };
+        let payload = Payload {
+            timestamp: Some(millis(self.clock, at)),
+            metrics,
+            seq: Some(self.seq.into()),
+        };
         let publication = publication(topic, payload.bytes());
         let (bytes, limit) = (packet_bytes(&publication), self.packet_bytes_max());
         if bytes > limit {
             self.counters.too_large += 1;
-            self.oversized.add(Oversized { topic: publication.topic, bytes, limit });
+            self.oversized.add(Oversized {
+                topic: publication.topic,
+                bytes,
+                limit,
+            });
             return None;
         }
         self.oversized.published(&publication.topic);
@@ -156,13 +203,24 @@ impl Session {
     }
 
     fn packet_bytes_max(&self) -> usize {
-        self.broker.maximum_packet_bytes.unwrap_or(PACKET_MAX).min(PACKET_MAX)
+        self.broker
+            .maximum_packet_bytes
+            .unwrap_or(PACKET_MAX)
+            .min(PACKET_MAX)
     }
 
     pub(super) fn count_history(&mut self) {
         self.counters.host_awaited = u64::from(self.path.is_granted() && !self.host.is_there());
-        self.counters.history_waiting = self.devices.iter().map(|device| device.history.len() as u64).sum();
-        let dropped: u64 = self.devices.iter_mut().map(|device| device.history.take_dropped()).sum();
+        self.counters.history_waiting = self
+            .devices
+            .iter()
+            .map(|device| device.history.len() as u64)
+            .sum();
+        let dropped: u64 = self
+            .devices
+            .iter_mut()
+            .map(|device| device.history.take_dropped())
+            .sum();
         self.counters.history_dropped += dropped;
     }
 }
@@ -170,7 +228,15 @@ impl Session {
 /// At most once and not retained, as all but NDEATH.
 pub(super) const fn publication(topic: String, payload: Vec<u8>) -> Publication {
     let qos = Qos::AtMostOnce;
-    Publication { topic, payload, retain: false, qos, expiry: None, correlation: None, token: None }
+    Publication {
+        topic,
+        payload,
+        retain: false,
+        qos,
+        expiry: None,
+        correlation: None,
+        token: None,
+    }
 }
 
 /// No packet with this publication is larger.

@@ -75,7 +75,10 @@ impl Topics {
         Self {
             node_command: format!("{NAMESPACE}/{group}/NCMD/{node}"),
             device_commands: format!("{NAMESPACE}/{group}/DCMD/{node}/"),
-            state: settings.primary_host.as_ref().map(|host| format!("{NAMESPACE}/STATE/{host}")),
+            state: settings
+                .primary_host
+                .as_ref()
+                .map(|host| format!("{NAMESPACE}/STATE/{host}")),
             probe: settings.probe_topic.clone(),
             group,
             node,
@@ -87,7 +90,12 @@ impl Topics {
     }
 
     pub(super) fn device(&self, kind: DeviceKind, device: &Name) -> String {
-        format!("{NAMESPACE}/{}/{}/{}/{device}", self.group, kind.word(), self.node)
+        format!(
+            "{NAMESPACE}/{}/{}/{}/{device}",
+            self.group,
+            kind.word(),
+            self.node
+        )
     }
 
     pub(super) fn probe(&self) -> String {
@@ -97,10 +105,18 @@ impl Topics {
     /// What is subscribed. A retained state is valid; a retained command is a replay.
     pub(super) fn filters(&self) -> Vec<Filter> {
         // The specification asks for quality of service 1 (tck-id-message-flow-edge-node-ncmd-subscribe).
-        let filter = |path, wants_retained| Filter { path, qos: Qos::AtLeastOnce, wants_retained };
+        let filter = |path, wants_retained| Filter {
+            path,
+            qos: Qos::AtLeastOnce,
+            wants_retained,
+        };
         let live = |path| filter(path, false);
         let state = self.state.clone().map(|path| filter(path, true));
-        let commands = [self.node_command.clone(), format!("{}+", self.device_commands), self.probe.clone()];
+        let commands = [
+            self.node_command.clone(),
+            format!("{}+", self.device_commands),
+            self.probe.clone(),
+        ];
         commands.into_iter().map(live).chain(state).collect()
     }
 
@@ -114,6 +130,8 @@ impl Topics {
         if self.state.as_deref() == Some(topic) {
             return Some(Inbound::State);
         }
-        topic.strip_prefix(self.device_commands.as_str()).map(Inbound::DeviceCommand)
+        topic
+            .strip_prefix(self.device_commands.as_str())
+            .map(Inbound::DeviceCommand)
     }
 }

@@ -23,8 +23,14 @@ pub struct Catalogue {
 
 /// All languages. The page lists them too, in `texts.js`.
 pub const CATALOGUES: [Catalogue; 2] = [
-    Catalogue { language: "en", text: include_str!("en.json") },
-    Catalogue { language: "de", text: include_str!("de.json") },
+    Catalogue {
+        language: "en",
+        text: include_str!("en.json"),
+    },
+    Catalogue {
+        language: "de",
+        text: include_str!("de.json"),
+    },
 ];
 
 /// Part of a catalogue: a browser fetches what it shows.
@@ -54,8 +60,16 @@ const OF_SETUP: [&str; 12] = [
     "fail_safe",
 ];
 /// The first words of the keys of the gateway.
-const OF_GATEWAY: [&str; 8] =
-    ["finding", "reason", "hint", "suspicion", "fault", "watchdog", "request", "unknown_reason"];
+const OF_GATEWAY: [&str; 8] = [
+    "finding",
+    "reason",
+    "hint",
+    "suspicion",
+    "fault",
+    "watchdog",
+    "request",
+    "unknown_reason",
+];
 
 impl Chapter {
     /// All of them.
@@ -131,7 +145,10 @@ impl Sentence {
     /// The sentence of `key`.
     #[must_use]
     pub fn new(key: impl Into<Cow<'static, str>>) -> Self {
-        Self { key: key.into(), values: Vec::new() }
+        Self {
+            key: key.into(),
+            values: Vec::new(),
+        }
     }
 
     /// With a value for the place called `{name}`.
@@ -144,7 +161,11 @@ impl Sentence {
     /// The key and the values, for clients that show another language.
     #[must_use]
     pub fn document(&self) -> Value {
-        let values: Map<_, _> = self.values.iter().map(|(name, part)| ((*name).to_owned(), part.document())).collect();
+        let values: Map<_, _> = self
+            .values
+            .iter()
+            .map(|(name, part)| ((*name).to_owned(), part.document()))
+            .collect();
         json!({ "key": self.key, "values": values })
     }
 }

@@ -16,12 +16,16 @@ const BY_LANGUAGE: [&str; 2] = ["word.", "role."];
 const PLURALS: [&str; 6] = [".zero", ".one", ".two", ".few", ".many", ".other"];
 
 fn sentences(catalogue: Catalogue) -> Sentences {
-    serde_json::from_str(catalogue.text).unwrap_or_else(|error| panic!("{}: {error}", catalogue.language))
+    serde_json::from_str(catalogue.text)
+        .unwrap_or_else(|error| panic!("{}: {error}", catalogue.language))
 }
 
 /// The key without its plural.
 fn base(key: &str) -> &str {
-    PLURALS.iter().find_map(|plural| key.strip_suffix(plural)).unwrap_or(key)
+    PLURALS
+        .iter()
+        .find_map(|plural| key.strip_suffix(plural))
+        .unwrap_or(key)
 }
 
 fn is_shared(key: &str) -> bool {
@@ -29,7 +33,11 @@ fn is_shared(key: &str) -> bool {
 }
 
 fn places(sentence: &str) -> BTreeSet<&str> {
-    sentence.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0)).collect()
+    sentence
+        .split('{')
+        .skip(1)
+        .filter_map(|rest| Some(rest.split_once('}')?.0))
+        .collect()
 }
 
 #[test]
@@ -39,11 +47,28 @@ fn each_language_has_each_sentence_with_the_same_places() {
     assert!(english.keys().all(|key| is_shared(key)));
     for catalogue in CATALOGUES {
         let own = sentences(catalogue);
-        let has: BTreeSet<_> = own.keys().filter(|key| is_shared(key)).map(|key| base(key)).collect();
-        assert_eq!(has.symmetric_difference(&keys).collect::<Vec<_>>(), Vec::<&&str>::new(), "{}", catalogue.language);
+        let has: BTreeSet<_> = own
+            .keys()
+            .filter(|key| is_shared(key))
+            .map(|key| base(key))
+            .collect();
+        assert_eq!(
+            has.symmetric_difference(&keys).collect::<Vec<_>>(),
+            Vec::<&&str>::new(),
+            "{}",
+            catalogue.language
+        );
         for (key, sentence) in own.iter().filter(|(key, _)| is_shared(key)) {
-            let original = english.get(key).or_else(|| english.get(&format!("{}.other", base(key)))).unwrap();
-            assert_eq!(places(sentence), places(original), "{}: {key}", catalogue.language);
+            let original = english
+                .get(key)
+                .or_else(|| english.get(&format!("{}.other", base(key))))
+                .unwrap();
+            assert_eq!(
+                places(sentence),
+                places(original),
+                "{}: {key}",
+                catalogue.language
+            );
             assert!(!sentence.trim().is_empty(), "{}: {key}", catalogue.language);
         }
     }
@@ -53,8 +78,15 @@ fn each_language_has_each_sentence_with_the_same_places() {
 fn a_sentence_with_plurals_has_one_for_all_other_numbers() {
     for catalogue in CATALOGUES {
         let own = sentences(catalogue);
-        for key in own.keys().filter(|key| base(key) != *key && !own.contains_key(base(key))) {
-            assert!(own.contains_key(&format!("{}.other", base(key))), "{}: {key}", catalogue.language);
+        for key in own
+            .keys()
+            .filter(|key| base(key) != *key && !own.contains_key(base(key)))
+        {
+            assert!(
+                own.contains_key(&format!("{}.other", base(key))),
+                "{}: {key}",
+                catalogue.language
+            );
         }
     }
 }
@@ -62,10 +94,16 @@ fn a_sentence_with_plurals_has_one_for_all_other_numbers() {
 #[test]
 fn reasons_suspicions_and_faults_read_as_in_the_log() {
     for reason in Reason::ALL {
-        assert_eq!(english(&format!("reason.{}", reason.word())), Some(reason.text()));
+        assert_eq!(
+            english(&format!("reason.{}", reason.word())),
+            Some(reason.text())
+        );
     }
     for fault in LineFault::ALL {
-        assert_eq!(english(&format!("fault.{}", fault.word())), Some(&*fault.to_string()));
+        assert_eq!(
+            english(&format!("fault.{}", fault.word())),
+            Some(&*fault.to_string())
+        );
     }
     let station = Station(7);
     let suspicions = [
@@ -77,7 +115,11 @@ fn reasons_suspicions_and_faults_read_as_in_the_log() {
         Suspicion::OneSilent(station),
         Suspicion::OneUnitSilent(station),
         Suspicion::NotModbusTcp,
-        Suspicion::WrongReplies { station, request: HeardFrame::of(&[7, 3, 0]), reply: HeardFrame::of(&[7, 4]) },
+        Suspicion::WrongReplies {
+            station,
+            request: HeardFrame::of(&[7, 3, 0]),
+            reply: HeardFrame::of(&[7, 4]),
+        },
         Suspicion::DuplicateStation(station),
         Suspicion::LateBeyondLimit(station),
         Suspicion::OtherMaster,
@@ -85,19 +127,28 @@ fn reasons_suspicions_and_faults_read_as_in_the_log() {
         Suspicion::Jam,
     ];
     for suspicion in suspicions {
-        assert_eq!(crate::north::finding::suspicion(suspicion).to_string(), suspicion.to_string());
+        assert_eq!(
+            crate::north::finding::suspicion(suspicion).to_string(),
+            suspicion.to_string()
+        );
     }
 }
 
 #[test]
 fn outcomes_read_as_on_all_other_interfaces() {
     let model = crate::north::stage::model();
-    let mut reports: Vec<_> = Reason::ALL.iter().map(|reason| Report::refused(*reason)).collect();
+    let mut reports: Vec<_> = Reason::ALL
+        .iter()
+        .map(|reason| Report::refused(*reason))
+        .collect();
     reports.push(Report::held_by(Owner::Mqtt));
     reports.push(Report::new(Outcome::Unknown, Reason::LineDown));
     for report in reports {
         let said = crate::north::shown::said(&model, &report);
-        assert_eq!(said.to_string(), crate::north::shown::message(&model, &report));
+        assert_eq!(
+            said.to_string(),
+            crate::north::shown::message(&model, &report)
+        );
     }
 }
 
@@ -138,21 +189,40 @@ impl Named {
 /// Whether a quoted text of the page is a key of more than one word, and not the name of a file.
 fn is_key(literal: &str) -> bool {
     let is_word = |word: &str| {
-        !word.is_empty() && word.chars().all(|it| it.is_ascii_lowercase() || it.is_ascii_digit() || it == '_')
+        !word.is_empty()
+            && word
+                .chars()
+                .all(|it| it.is_ascii_lowercase() || it.is_ascii_digit() || it == '_')
     };
-    let is_file = [".csv", ".json", ".gz", ".js", ".open"].iter().any(|end| literal.ends_with(end));
-    literal.contains('.') && literal.split('.').all(is_word) && !is_file && !literal.starts_with("p99")
+    let is_file = [".csv", ".json", ".gz", ".js", ".open"]
+        .iter()
+        .any(|end| literal.ends_with(end));
+    literal.contains('.')
+        && literal.split('.').all(is_word)
+        && !is_file
+        && !literal.starts_with("p99")
 }
 
 /// What page and gateway name.
 fn named() -> Named {
     let source = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src");
     let (mut page, mut program) = (Vec::new(), Vec::new());
-    texts_below(&source.join("daemon/http/page/files"), &[".js", ".html"], &mut page);
+    texts_below(
+        &source.join("daemon/http/page/files"),
+        &[".js", ".html"],
+        &mut page,
+    );
     texts_below(&source.join("north"), &[".rs"], &mut program);
     let mut named = Named::default();
     for text in &page {
-        for mark in [" t(\"", "(t(\"", "[t(\"", "{t(\"", "data-t=\"", "data-t-label=\""] {
+        for mark in [
+            " t(\"",
+            "(t(\"",
+            "[t(\"",
+            "{t(\"",
+            "data-t=\"",
+            "data-t-label=\"",
+        ] {
             named.take(text, mark, '"', "${");
         }
         // Either of two sentences.
@@ -163,8 +233,11 @@ fn named() -> Named {
         }
     }
     for text in &program {
-        let of_gateway = |key: &&str| is_key(key) && OF_GATEWAY.iter().any(|it| key.starts_with(it));
-        named.whole.extend(text.split('"').filter(of_gateway).map(str::to_owned));
+        let of_gateway =
+            |key: &&str| is_key(key) && OF_GATEWAY.iter().any(|it| key.starts_with(it));
+        named
+            .whole
+            .extend(text.split('"').filter(of_gateway).map(str::to_owned));
         named.take(text, "Sentence::new(\"", '"', "{");
         named.take(text, "Sentence::new(format!(\"", '"', "{");
     }
@@ -176,28 +249,60 @@ fn no_sentence_is_missing_and_none_is_left_over() {
     let named = named();
     let english = sentences(CATALOGUES[0]);
     let keys: BTreeSet<_> = english.keys().map(|key| base(key)).collect();
-    assert!(named.whole.len() > 200, "the marks are still the right ones: {}", named.whole.len());
-    let missing: Vec<_> = named.whole.iter().filter(|key| !key.is_empty() && !keys.contains(key.as_str())).collect();
+    assert!(
+        named.whole.len() > 200,
+        "the marks are still the right ones: {}",
+        named.whole.len()
+    );
+    let missing: Vec<_> = named
+        .whole
+        .iter()
+        .filter(|key| !key.is_empty() && !keys.contains(key.as_str()))
+        .collect();
     assert!(missing.is_empty(), "{missing:?}");
-    let is_begun = |key: &str| named.begun.iter().any(|begin| !begin.is_empty() && key.starts_with(begin.as_str()));
-    let left: Vec<_> = keys.iter().filter(|key| !named.whole.contains(**key) && !is_begun(key)).collect();
+    let is_begun = |key: &str| {
+        named
+            .begun
+            .iter()
+            .any(|begin| !begin.is_empty() && key.starts_with(begin.as_str()))
+    };
+    let left: Vec<_> = keys
+        .iter()
+        .filter(|key| !named.whole.contains(**key) && !is_begun(key))
+        .collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
 #[test]
 fn the_page_lists_the_same_languages() {
     let script = include_str!("../../daemon/http/page/files/texts.js");
-    let listed = script.split_once("LANGUAGES = {").unwrap().1.split_once('}').unwrap().0;
-    let codes: Vec<_> = listed.split(',').map(|it| it.split(':').next().unwrap().trim()).collect();
+    let listed = script
+        .split_once("LANGUAGES = {")
+        .unwrap()
+        .1
+        .split_once('}')
+        .unwrap()
+        .0;
+    let codes: Vec<_> = listed
+        .split(',')
+        .map(|it| it.split(':').next().unwrap().trim())
+        .collect();
     assert_eq!(codes, CATALOGUES.map(|it| it.language));
 }
 
 #[test]
 fn chapters_are_whole_and_share_no_sentence() {
     for catalogue in CATALOGUES {
-        let chapters =
-            Chapter::ALL.map(|chapter| serde_json::from_str::<Sentences>(&catalogue.chapter(chapter)).unwrap());
-        assert!(chapters.iter().all(|chapter| chapter.len() > 50), "{}", catalogue.language);
-        assert_eq!(chapters.iter().map(Sentences::len).sum::<usize>(), sentences(catalogue).len());
+        let chapters = Chapter::ALL
+            .map(|chapter| serde_json::from_str::<Sentences>(&catalogue.chapter(chapter)).unwrap());
+        assert!(
+            chapters.iter().all(|chapter| chapter.len() > 50),
+            "{}",
+            catalogue.language
+        );
+        assert_eq!(
+            chapters.iter().map(Sentences::len).sum::<usize>(),
+            sentences(catalogue).len()
+        );
     }
 }

@@ -77,7 +77,10 @@ pub(super) struct FrameText {
 
 impl FrameText {
     pub(super) fn text(text: impl Into<String>) -> Self {
-        Self { text: text.into(), ..Self::default() }
+        Self {
+            text: text.into(),
+            ..Self::default()
+        }
     }
 }
 

@@ -33,7 +33,11 @@ impl Decoder {
     /// A decoder that has seen nothing yet.
     #[must_use]
     pub const fn new(facts: LineFacts) -> Self {
-        Self { facts, asked: None, last_end: None }
+        Self {
+            facts,
+            asked: None,
+            last_end: None,
+        }
     }
 
     /// Some frames were missed: the next one is treated as the first.
@@ -56,7 +60,11 @@ impl Decoder {
         };
         let said = match &whole {
             Some((station, pdu)) => self.frame(record, *station, pdu),
-            None => FrameText::text(reply::damaged(self.facts.framing, &record.bytes, self.asked.as_ref())),
+            None => FrameText::text(reply::damaged(
+                self.facts.framing,
+                &record.bytes,
+                self.asked.as_ref(),
+            )),
         };
         let frame = Frame {
             kind: record.kind,
@@ -72,7 +80,11 @@ impl Decoder {
         };
         match (record.kind, whole) {
             (TrafficKind::Request, Some((station, pdu))) => {
-                self.asked = Some(OpenRequest { station, pdu: pdu.into_owned(), why: record.why });
+                self.asked = Some(OpenRequest {
+                    station,
+                    pdu: pdu.into_owned(),
+                    why: record.why,
+                });
             }
             (TrafficKind::Reply, _) => self.asked = None,
             _ => {}
@@ -87,26 +99,46 @@ impl Decoder {
                 let is_for_all = drive.is_none() && self.is_for_all(station);
                 let drive = if is_for_all { self.any_drive() } else { drive };
                 let said = request::said(drive, pdu);
-                FrameText { text: format!("{}{}", prefix(is_for_all, record.why), said.text), ..said }
+                FrameText {
+                    text: format!("{}{}", prefix(is_for_all, record.why), said.text),
+                    ..said
+                }
             }
             TrafficKind::OtherMaster(_) => {
                 let said = request::said(drive, pdu);
-                FrameText { text: format!("another master requests: {}", said.text), ..said }
+                FrameText {
+                    text: format!("another master requests: {}", said.text),
+                    ..said
+                }
             }
             TrafficKind::Echo => FrameText::text("our own frame came back"),
-            TrafficKind::Reply => reply::said(drive, pdu, self.asked.as_ref().filter(|asked| asked.station == station)),
-            TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => reply::said(drive, pdu, None),
+            TrafficKind::Reply => reply::said(
+                drive,
+                pdu,
+                self.asked.as_ref().filter(|asked| asked.station == station),
+            ),
+            TrafficKind::Stray(_) | TrafficKind::Foreign(_) | TrafficKind::Noise => {
+                reply::said(drive, pdu, None)
+            }
         }
     }
 
     fn drive_at(&self, station: u8) -> Option<&KnownDrive> {
-        self.facts.drives.iter().find(|drive| drive.station.0 == station)
+        self.facts
+            .drives
+            .iter()
+            .find(|drive| drive.station.0 == station)
     }
 
     /// Whether no drive has this station and it addresses all.
     fn is_for_all(&self, station: u8) -> bool {
         let names_all = |drive: &KnownDrive| {
-            drive.model.link.broadcast.as_ref().is_some_and(|broadcast| broadcast.station.value == station)
+            drive
+                .model
+                .link
+                .broadcast
+                .as_ref()
+                .is_some_and(|broadcast| broadcast.station.value == station)
         };
         station == 0 || self.facts.drives.iter().any(names_all)
     }
@@ -114,7 +146,10 @@ impl Decoder {
     /// A drive that represents all, if all are the same.
     fn any_drive(&self) -> Option<&KnownDrive> {
         let (first, others) = self.facts.drives.split_first()?;
-        others.iter().all(|other| other.model.id == first.model.id).then_some(first)
+        others
+            .iter()
+            .all(|other| other.model.id == first.model.id)
+            .then_some(first)
     }
 }
 

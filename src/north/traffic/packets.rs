@@ -44,27 +44,55 @@ impl PacketFrame {
             (_, Framing::Ascii) => TEXT,
             (_, Framing::Mbap) => MODBUS_TCP,
         };
-        let direction = if kind == "request" { Direction::Out } else { Direction::In };
+        let direction = if kind == "request" {
+            Direction::Out
+        } else {
+            Direction::In
+        };
         let unix_us = unix_us(frame["at"].as_str()?)?;
         let is_for_a_drive = is_for_a_drive(kind);
-        Some(Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment: comment(kind, frame) })
+        Some(Self {
+            unix_us,
+            direction,
+            is_for_a_drive,
+            protocol,
+            bytes,
+            comment: comment(kind, frame),
+        })
     }
 
     /// As a packet, with `dropped` packets lost before it.
     #[must_use]
     pub fn packet(&self, dropped: u64) -> Packet<'_> {
-        let Self { unix_us, direction, is_for_a_drive, protocol, bytes, comment } = self;
+        let Self {
+            unix_us,
+            direction,
+            is_for_a_drive,
+            protocol,
+            bytes,
+            comment,
+        } = self;
         let unix_us = *unix_us;
         let direction = *direction;
         let is_for_a_drive = *is_for_a_drive;
-        Packet { unix_us, direction, is_for_a_drive, protocol, bytes, comment, dropped }
+        Packet {
+            unix_us,
+            direction,
+            is_for_a_drive,
+            protocol,
+            bytes,
+            comment,
+            dropped,
+        }
     }
 }
 
 /// The framing of `line`, as the gateway describes a line before its traffic; RTU if it has an unknown word for it.
 #[must_use]
 pub fn framing_of(line: &Value) -> Framing {
-    let known = SHOWN_FRAMINGS.iter().find(|(word, _)| line["framing"] == *word);
+    let known = SHOWN_FRAMINGS
+        .iter()
+        .find(|(word, _)| line["framing"] == *word);
     known.map_or(Framing::Rtu, |(_, framing)| *framing)
 }
 
@@ -82,8 +110,12 @@ pub fn beginning_of(line: &Value, host: (&str, &str)) -> Vec<u8> {
             drive["station"]
         )
     });
-    let link = line["link"].as_str().map_or_else(String::new, |link| format!("{link} "));
-    let description = [format!("{}, {link}{}", word("port"), word("framing"))].into_iter().chain(drives);
+    let link = line["link"]
+        .as_str()
+        .map_or_else(String::new, |link| format!("{link} "));
+    let description = [format!("{}, {link}{}", word("port"), word("framing"))]
+        .into_iter()
+        .chain(drives);
     pcapng::beginning(&Header {
         hardware: host.0,
         os: host.1,
@@ -101,7 +133,11 @@ fn is_for_a_drive(kind: &str) -> bool {
 /// `request to pump-1 (poll): read 0x0101 output frequency, 1 word`.
 fn comment(kind: &str, frame: &Value) -> String {
     let word = |key: &str| frame[key].as_str();
-    let station = || frame["station"].as_u64().map(|station| format!("station {station}"));
+    let station = || {
+        frame["station"]
+            .as_u64()
+            .map(|station| format!("station {station}"))
+    };
     let who = word("drive").map(str::to_owned).or_else(station);
     let between = if is_for_a_drive(kind) { "to" } else { "of" };
     let mut text = kind.replace('_', " ");
@@ -115,14 +151,28 @@ fn comment(kind: &str, frame: &Value) -> String {
 }
 
 fn unhex(text: &str) -> Option<Vec<u8>> {
-    let digit = |byte: &u8| char::from(*byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+    let digit = |byte: &u8| {
+        char::from(*byte)
+            .to_digit(16)
+            .and_then(|digit| u8::try_from(digit).ok())
+    };
     let pairs = text.as_bytes().chunks(2);
-    pairs.map(|pair| if let [high, low] = pair { Some(digit(high)? << 4 | digit(low)?) } else { None }).collect()
+    pairs
+        .map(|pair| {
+            if let [high, low] = pair {
+                Some(digit(high)? << 4 | digit(low)?)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
 /// `2026-01-31T08:00:00.250125Z` in microseconds since 1970-01-01 UTC.
 fn unix_us(text: &str) -> Option<u64> {
-    let (text, micros) = text.strip_suffix('Z')?.split_at_checked(text.len().checked_sub(4)?)?;
+    let (text, micros) = text
+        .strip_suffix('Z')?
+        .split_at_checked(text.len().checked_sub(4)?)?;
     let micros: u64 = micros.parse().ok()?;
     let millis = u64::try_from(calendar::parse(text)?.unix_ms).ok()?;
     Some(millis * 1000 + micros)
@@ -140,30 +190,50 @@ mod tests {
             "gap_ms": null, "station": 1, "drive": "pump-1", "function": 3, "text": "read 0x0101", "values": [],
         });
         let told = PacketFrame::of(&frame, Framing::Rtu).unwrap();
-        assert_eq!((told.unix_us, told.direction, told.protocol), (1_002_003, Direction::Out, "mbrtu"));
+        assert_eq!(
+            (told.unix_us, told.direction, told.protocol),
+            (1_002_003, Direction::Out, "mbrtu")
+        );
         assert!(told.is_for_a_drive);
         assert_eq!(told.bytes, [1, 3, 1, 1, 0, 1, 0xD4, 0x36]);
         assert_eq!(told.comment, "request to pump-1 (poll): read 0x0101");
-        assert_eq!(PacketFrame::of(&frame, Framing::Ascii).unwrap().protocol, "data-text-lines");
+        assert_eq!(
+            PacketFrame::of(&frame, Framing::Ascii).unwrap().protocol,
+            "data-text-lines"
+        );
         let line = json!({ "framing": "modbus-tcp" });
-        assert_eq!(PacketFrame::of(&frame, framing_of(&line)).unwrap().protocol, "mbtcp");
+        assert_eq!(
+            PacketFrame::of(&frame, framing_of(&line)).unwrap().protocol,
+            "mbtcp"
+        );
         let noise = json!({
             "at": "1970-01-01T00:00:00.000001Z", "kind": "noise", "bytes": "00", "station": null,
             "text": "1 byte that makes no frame",
         });
         let told = PacketFrame::of(&noise, Framing::Rtu).unwrap();
-        assert_eq!((told.unix_us, told.direction, told.protocol), (1, Direction::In, "data"));
+        assert_eq!(
+            (told.unix_us, told.direction, told.protocol),
+            (1, Direction::In, "data")
+        );
         assert_eq!(told.comment, "noise: 1 byte that makes no frame");
         let other = json!({ "at": "1970-01-01T00:00:00.000001Z", "kind": "other_master", "bytes": "", "station": 9,
             "text": "x" });
-        assert_eq!(PacketFrame::of(&other, Framing::Rtu).unwrap().comment, "other master to station 9: x");
+        assert_eq!(
+            PacketFrame::of(&other, Framing::Rtu).unwrap().comment,
+            "other master to station 9: x"
+        );
     }
 
     #[test]
     fn what_is_not_understood_is_none() {
         let good = json!({ "at": "1970-01-01T00:00:01.002003Z", "kind": "reply", "bytes": "0A", "text": "" });
         assert!(PacketFrame::of(&good, Framing::Rtu).is_some());
-        for (key, wrong) in [("at", "yesterday"), ("at", "1970-01-01T00:00:01.002Z"), ("bytes", "0"), ("bytes", "xy")] {
+        for (key, wrong) in [
+            ("at", "yesterday"),
+            ("at", "1970-01-01T00:00:01.002Z"),
+            ("bytes", "0"),
+            ("bytes", "xy"),
+        ] {
             let mut frame = good.clone();
             frame[key] = wrong.into();
             assert_eq!(PacketFrame::of(&frame, Framing::Rtu), None, "{key} {wrong}");

@@ -80,17 +80,37 @@ pub fn beginning(header: &Header<'_>) -> Vec<u8> {
     section.extend(BYTE_ORDER.to_le_bytes());
     section.extend([1, 0, 0, 0]);
     section.extend(LENGTH_UNKNOWN.to_le_bytes());
-    put_option(&mut section, option::SECTION_HARDWARE, header.hardware.as_bytes());
+    put_option(
+        &mut section,
+        option::SECTION_HARDWARE,
+        header.hardware.as_bytes(),
+    );
     put_option(&mut section, option::SECTION_OS, header.os.as_bytes());
-    put_option(&mut section, option::SECTION_APPLICATION, header.application.as_bytes());
+    put_option(
+        &mut section,
+        option::SECTION_APPLICATION,
+        header.application.as_bytes(),
+    );
     put_option(&mut section, option::END, &[]);
     let mut interface = Vec::new();
     interface.extend(LINKTYPE_WIRESHARK_UPPER_PDU.to_le_bytes());
     interface.extend([0, 0]);
     interface.extend(NO_LIMIT.to_le_bytes());
-    put_option(&mut interface, option::INTERFACE_NAME, header.line.as_bytes());
-    put_option(&mut interface, option::INTERFACE_DESCRIPTION, header.description.as_bytes());
-    put_option(&mut interface, option::INTERFACE_SPEED, &header.baud.to_le_bytes());
+    put_option(
+        &mut interface,
+        option::INTERFACE_NAME,
+        header.line.as_bytes(),
+    );
+    put_option(
+        &mut interface,
+        option::INTERFACE_DESCRIPTION,
+        header.description.as_bytes(),
+    );
+    put_option(
+        &mut interface,
+        option::INTERFACE_SPEED,
+        &header.baud.to_le_bytes(),
+    );
     put_option(&mut interface, option::INTERFACE_TIME_RESOLUTION, &[6]);
     put_option(&mut interface, option::END, &[]);
     let mut out = block(0x0A0D_0D0A, &section);
@@ -117,7 +137,11 @@ pub fn packet(packet: &Packet<'_>) -> Vec<u8> {
     put_option(&mut body, option::COMMENT, packet.comment.as_bytes());
     put_option(&mut body, option::PACKET_FLAGS, &flags.to_le_bytes());
     if packet.dropped > 0 {
-        put_option(&mut body, option::PACKET_DROPPED, &packet.dropped.to_le_bytes());
+        put_option(
+            &mut body,
+            option::PACKET_DROPPED,
+            &packet.dropped.to_le_bytes(),
+        );
     }
     put_option(&mut body, option::END, &[]);
     block(6, &body)
@@ -134,11 +158,21 @@ fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
     let mut name = Vec::new();
     put_padded(&mut name, packet.protocol.as_bytes());
     // A serial line has no ports. A dissector that knows which one is a drive's distinguishes a request from its echo.
-    let (from, to) = if packet.is_for_a_drive { (MASTER_PORT, DRIVE_PORT) } else { (DRIVE_PORT, MASTER_PORT) };
+    let (from, to) = if packet.is_for_a_drive {
+        (MASTER_PORT, DRIVE_PORT)
+    } else {
+        (DRIVE_PORT, MASTER_PORT)
+    };
     let ports = [TCP, from, to].map(u32::to_be_bytes);
-    let tags = [TAG_PORT_TYPE, TAG_SOURCE_PORT, TAG_DESTINATION_PORT].into_iter().zip(ports.iter().map(|it| &it[..]));
+    let tags = [TAG_PORT_TYPE, TAG_SOURCE_PORT, TAG_DESTINATION_PORT]
+        .into_iter()
+        .zip(ports.iter().map(|it| &it[..]));
     let mut out = Vec::with_capacity(name.len() + packet.bytes.len() + 32);
-    for (tag, value) in [(TAG_DISSECTOR_NAME, &name[..])].into_iter().chain(tags).chain([(TAG_END, &[][..])]) {
+    for (tag, value) in [(TAG_DISSECTOR_NAME, &name[..])]
+        .into_iter()
+        .chain(tags)
+        .chain([(TAG_END, &[][..])])
+    {
         out.extend(tag.to_be_bytes());
         out.extend(u16::try_from(value.len()).unwrap_or(u16::MAX).to_be_bytes());
         out.extend(value);
@@ -148,7 +182,9 @@ fn upper_pdu(packet: &Packet<'_>) -> Vec<u8> {
 }
 
 fn block(kind: u32, body: &[u8]) -> Vec<u8> {
-    let length = u32::try_from(body.len() + 12).unwrap_or(u32::MAX).to_le_bytes();
+    let length = u32::try_from(body.len() + 12)
+        .unwrap_or(u32::MAX)
+        .to_le_bytes();
     [&kind.to_le_bytes(), &length, body, &length].concat()
 }
 
@@ -171,8 +207,14 @@ mod tests {
 
     /// The bytes of `text`, in which everything after a `#` is a comment.
     fn bytes(text: &str) -> Vec<u8> {
-        let digits: String = text.lines().map(|line| line.split('#').next().unwrap().replace(' ', "")).collect();
-        (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
+        let digits: String = text
+            .lines()
+            .map(|line| line.split('#').next().unwrap().replace(' ', ""))
+            .collect();
+        (0..digits.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap())
+            .collect()
     }
 
     #[test]
@@ -255,7 +297,10 @@ mod tests {
             };
             let block = packet(&one);
             let size = u32::try_from(block.len()).unwrap().to_le_bytes();
-            assert_eq!((block.len() % 4, &block[4..8], &block[block.len() - 4..]), (0, &size[..], &size[..]));
+            assert_eq!(
+                (block.len() % 4, &block[4..8], &block[block.len() - 4..]),
+                (0, &size[..], &size[..])
+            );
         }
         let long = "x".repeat(70_000);
         let one = Packet {

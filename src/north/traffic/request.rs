@@ -9,12 +9,18 @@ use crate::wire::pdu::{Request, function};
 /// What `pdu` requests of `drive`.
 pub(super) fn said(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
     match Request::decode(pdu) {
-        Some(Request::Read { address, count }) => FrameText::text(read("read", drive, address, count)),
+        Some(Request::Read { address, count }) => {
+            FrameText::text(read("read", drive, address, count))
+        }
         Some(Request::WriteSingle { address, value }) => write(drive, address, &[value]),
         Some(Request::WriteMultiple { address, values }) => write(drive, address, &values),
         Some(Request::Loopback { data }) => {
             let is_refused = drive.is_some_and(|drive| refuses(drive, function::DIAGNOSTICS));
-            let refused = if is_refused { ", which this model refuses" } else { "" };
+            let refused = if is_refused {
+                ", which this model refuses"
+            } else {
+                ""
+            };
             FrameText::text(format!("loop test with 0x{data:04X}{refused}"))
         }
         Some(Request::Unserved { .. }) | None => other(drive, pdu),
@@ -28,22 +34,36 @@ fn read(verb: &str, drive: Option<&KnownDrive>, address: Address, count: u16) ->
 
 fn write(drive: Option<&KnownDrive>, address: Address, words: &[u16]) -> FrameText {
     let values = values(drive, address, words);
-    FrameText { text: format!("write {}", in_text(&values, " = ", true)), exception: None, values }
+    FrameText {
+        text: format!("write {}", in_text(&values, " = ", true)),
+        exception: None,
+        values,
+    }
 }
 
 fn other(drive: Option<&KnownDrive>, pdu: &[u8]) -> FrameText {
-    let Some((&code, data)) = pdu.split_first() else { return FrameText::text("no function") };
+    let Some((&code, data)) = pdu.split_first() else {
+        return FrameText::text("no function");
+    };
     if let (function::READ_INPUT, [first, second, third, fourth]) = (code, data) {
         let address = Address::new(Table::Input, u16::from_be_bytes([*first, *second]));
         let count = u16::from_be_bytes([*third, *fourth]);
         return FrameText::text(read("read input", drive, address, count));
     }
-    let refused = if drive.is_some_and(|drive| refuses(drive, code)) { ", which this model refuses" } else { "" };
+    let refused = if drive.is_some_and(|drive| refuses(drive, code)) {
+        ", which this model refuses"
+    } else {
+        ""
+    };
     FrameText::text(format!("{}{refused}", function_text(code)))
 }
 
 fn refuses(drive: &KnownDrive, code: u8) -> bool {
-    drive.model.barriers.iter().any(|barrier| matches!(barrier, Barrier::Refused(refused) if refused.value == code))
+    drive
+        .model
+        .barriers
+        .iter()
+        .any(|barrier| matches!(barrier, Barrier::Refused(refused) if refused.value == code))
 }
 
 /// `code` with its name in the standard (Modbus application protocol V1.1b3, section 6).

@@ -20,7 +20,10 @@ fn drive(model: &str, station: u8) -> KnownDrive {
         station: Station(station),
         name: Name::new(&format!("drive-{station}")).unwrap(),
         model: Arc::clone(catalog().find(model).unwrap()),
-        ratings: Ratings { current_ma: Some(10_000), voltage_mv: Some(400_000) },
+        ratings: Ratings {
+            current_ma: Some(10_000),
+            voltage_mv: Some(400_000),
+        },
     }
 }
 
@@ -30,12 +33,21 @@ fn decoder(framing: Framing, drives: Vec<KnownDrive>) -> Decoder {
 
 /// An N700 at station 1 and another at station 2.
 fn hall() -> Decoder {
-    decoder(Framing::Rtu, vec![drive("hyundai-n700", 1), drive("hyundai-n700", 2)])
+    decoder(
+        Framing::Rtu,
+        vec![drive("hyundai-n700", 1), drive("hyundai-n700", 2)],
+    )
 }
 
 fn record(kind: TrafficKind, bytes: &[u8]) -> TrafficRecord {
     let why = (kind == TrafficKind::Request).then_some(Why::Poll);
-    TrafficRecord { kind, why, bytes: bytes.to_vec(), begin: MonoTime::ZERO, end: MonoTime::ZERO }
+    TrafficRecord {
+        kind,
+        why,
+        bytes: bytes.to_vec(),
+        begin: MonoTime::ZERO,
+        end: MonoTime::ZERO,
+    }
 }
 
 fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
@@ -45,8 +57,16 @@ fn frame(station: u8, pdu: &[u8]) -> Vec<u8> {
 }
 
 /// The decoder's text for a request and for what comes back as `kind`.
-fn exchange(decoder: &mut Decoder, request: &[u8], kind: TrafficKind, reply: &[u8]) -> (Frame, Frame) {
-    let asked = decoder.decode(&record(TrafficKind::Request, &frame(request[0], &request[1..])));
+fn exchange(
+    decoder: &mut Decoder,
+    request: &[u8],
+    kind: TrafficKind,
+    reply: &[u8],
+) -> (Frame, Frame) {
+    let asked = decoder.decode(&record(
+        TrafficKind::Request,
+        &frame(request[0], &request[1..]),
+    ));
     (asked, decoder.decode(&record(kind, reply)))
 }
 
@@ -79,7 +99,9 @@ fn rows() -> Vec<Row> {
         include_str!("../../../tests/data/teco-frecon-frames.json"),
         include_str!("../../../tests/data/toshiba-frames.json"),
     ];
-    let rows = all.into_iter().flat_map(|text| serde_json::from_str::<Vec<Value>>(text).unwrap());
+    let rows = all
+        .into_iter()
+        .flat_map(|text| serde_json::from_str::<Vec<Value>>(text).unwrap());
     // The vendor's own protocol is not Modbus.
     let rows = rows.filter(|row| row["decoded"]["start"] != "2F");
     let bytes = |text: &str| {
@@ -87,14 +109,21 @@ fn rows() -> Vec<Row> {
             return text.as_bytes().to_vec();
         }
         let digits = text.replace(' ', "");
-        (0..digits.len()).step_by(2).map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap()).collect()
+        (0..digits.len())
+            .step_by(2)
+            .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).unwrap())
+            .collect()
     };
     rows.map(|row| {
         let request = row["request"].as_str().unwrap();
         Row {
             drive: row["drive"].as_str().unwrap().to_owned(),
             what: row["what"].as_str().unwrap().to_owned(),
-            framing: if request.starts_with(':') { Framing::Ascii } else { Framing::Rtu },
+            framing: if request.starts_with(':') {
+                Framing::Ascii
+            } else {
+                Framing::Rtu
+            },
             request: bytes(request),
             reply: row["response"].as_str().map(bytes),
             decoded: row["decoded"].clone(),
@@ -110,16 +139,39 @@ fn is_sound(framing: Framing, bytes: &[u8]) -> bool {
 /// The decoder's text for a row: of a damaged frame as the line would report it.
 fn decoded(row: &Row) -> (Frame, Option<Frame>) {
     let station = match row.framing {
-        Framing::Ascii => u8::from_str_radix(std::str::from_utf8(&row.request[1..3]).unwrap(), 16).unwrap(),
+        Framing::Ascii => {
+            u8::from_str_radix(std::str::from_utf8(&row.request[1..3]).unwrap(), 16).unwrap()
+        }
         _ => row.request[0],
     };
     // If a frame is for all, some drive receives it.
-    let known = model_of(&row.drive).map(|model| drive(model, if matches!(station, 0 | 0xFF) { 1 } else { station }));
+    let known = model_of(&row.drive).map(|model| {
+        drive(
+            model,
+            if matches!(station, 0 | 0xFF) {
+                1
+            } else {
+                station
+            },
+        )
+    });
     let mut decoder = decoder(row.framing, known.into_iter().collect());
-    let kind = |bytes: &[u8], kind| if is_sound(row.framing, bytes) { kind } else { TrafficKind::Noise };
-    let asked = decoder.decode(&record(kind(&row.request, TrafficKind::Request), &row.request));
+    let kind = |bytes: &[u8], kind| {
+        if is_sound(row.framing, bytes) {
+            kind
+        } else {
+            TrafficKind::Noise
+        }
+    };
+    let asked = decoder.decode(&record(
+        kind(&row.request, TrafficKind::Request),
+        &row.request,
+    ));
     let reply = row.reply.as_ref();
-    (asked, reply.map(|reply| decoder.decode(&record(kind(reply, TrafficKind::Reply), reply))))
+    (
+        asked,
+        reply.map(|reply| decoder.decode(&record(kind(reply, TrafficKind::Reply), reply))),
+    )
 }
 
 #[test]
@@ -128,7 +180,11 @@ fn every_frame_of_the_collections_reads_as_it_always_did() {
     for row in rows() {
         let shown = |bytes: &[u8]| match row.framing {
             Framing::Ascii => String::from_utf8_lossy(bytes).trim_end().to_owned(),
-            _ => bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "),
+            _ => bytes
+                .iter()
+                .map(|byte| format!("{byte:02X}"))
+                .collect::<Vec<_>>()
+                .join(" "),
         };
         let (asked, reply) = decoded(&row);
         let _ = writeln!(text, "{}: {}", row.drive, row.what);
@@ -141,7 +197,11 @@ fn every_frame_of_the_collections_reads_as_it_always_did() {
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         std::fs::write(&path, &text).unwrap();
     }
-    assert_eq!(text, std::fs::read_to_string(&path).unwrap_or_default(), "{path}");
+    assert_eq!(
+        text,
+        std::fs::read_to_string(&path).unwrap_or_default(),
+        "{path}"
+    );
 }
 
 #[test]
@@ -152,19 +212,37 @@ fn every_frame_of_the_collections_says_what_its_collection_says() {
     for row in rows() {
         let what = format!("{}: {}", row.drive, row.what);
         let (asked, reply) = decoded(&row);
-        for (bytes, frame) in std::iter::once((&row.request, &asked)).chain(row.reply.as_ref().zip(reply.as_ref())) {
+        for (bytes, frame) in
+            std::iter::once((&row.request, &asked)).chain(row.reply.as_ref().zip(reply.as_ref()))
+        {
             frames += 1;
-            assert_eq!(frame.station.is_some(), is_sound(row.framing, bytes), "{what}");
+            assert_eq!(
+                frame.station.is_some(),
+                is_sound(row.framing, bytes),
+                "{what}"
+            );
             assert!(!frame.text.is_empty(), "{what}");
         }
-        let Some(reply) = reply.filter(|reply| reply.station.is_some() && asked.station.is_some()) else { continue };
+        let Some(reply) = reply.filter(|reply| reply.station.is_some() && asked.station.is_some())
+        else {
+            continue;
+        };
         let plain = |frame: &Frame| frame.function.map(|code| code & 0x7F);
-        assert_eq!((reply.station, plain(&reply)), (asked.station, plain(&asked)), "{what}");
+        assert_eq!(
+            (reply.station, plain(&reply)),
+            (asked.station, plain(&asked)),
+            "{what}"
+        );
         if let Some(code) = code(&row.decoded["exception"]) {
             assert_eq!(reply.exception, Some(code), "{what}");
-            assert!(reply.text.starts_with(&format!("exception 0x{code:02X}: ")), "{what}: {}", reply.text);
+            assert!(
+                reply.text.starts_with(&format!("exception 0x{code:02X}: ")),
+                "{what}: {}",
+                reply.text
+            );
             refusals += 1;
-        } else if let (Some(value), Some(first)) = (row.decoded["value"].as_f64(), reply.values.first())
+        } else if let (Some(value), Some(first)) =
+            (row.decoded["value"].as_f64(), reply.values.first())
             && first.name.is_some()
             && row.decoded["unit"].is_string()
         {
@@ -178,18 +256,34 @@ fn every_frame_of_the_collections_says_what_its_collection_says() {
 
 /// A number, or hexadecimal text such as `52H`.
 fn code(value: &Value) -> Option<u8> {
-    let text = value.as_str().map(|text| u8::from_str_radix(text.trim_end_matches('H'), 16).unwrap());
-    value.as_u64().map(|code| u8::try_from(code).unwrap()).or(text)
+    let text = value
+        .as_str()
+        .map(|text| u8::from_str_radix(text.trim_end_matches('H'), 16).unwrap());
+    value
+        .as_u64()
+        .map(|code| u8::try_from(code).unwrap())
+        .or(text)
 }
 
 #[test]
 fn a_read_and_its_reply_name_their_registers() {
-    let (asked, reply) = exchange(&mut hall(), &[1, 3, 1, 1, 0, 1], TrafficKind::Reply, &frame(1, &[3, 2, 0x13, 0x88]));
+    let (asked, reply) = exchange(
+        &mut hall(),
+        &[1, 3, 1, 1, 0, 1],
+        TrafficKind::Reply,
+        &frame(1, &[3, 2, 0x13, 0x88]),
+    );
     assert_eq!(asked.text, "read 0x0101 output frequency, 1 word");
-    assert_eq!((asked.drive.unwrap().as_str(), asked.function), ("drive-1", Some(3)));
+    assert_eq!(
+        (asked.drive.unwrap().as_str(), asked.function),
+        ("drive-1", Some(3))
+    );
     assert_eq!(reply.text, "output frequency 50.00 Hz");
-    let value =
-        FrameValue { address: 0x0101_u16.into(), name: Some("output_frequency".into()), text: "50.00 Hz".into() };
+    let value = FrameValue {
+        address: 0x0101_u16.into(),
+        name: Some("output_frequency".into()),
+        text: "50.00 Hz".into(),
+    };
     assert_eq!(reply.values, [value]);
 }
 
@@ -200,23 +294,43 @@ fn writes_say_what_is_ordered_and_what_the_drive_holds() {
     assert_eq!(asked.text, "write 0x0002 run command = 0x0001 (forward)");
     assert_eq!(reply.text, "written: 0x0002 run command = 0x0001 (forward)");
     let refused = frame(1, &[6, 0, 2, 0, 0]);
-    let (_, reply) = exchange(&mut hall(), &[1, 6, 0, 2, 0, 1], TrafficKind::Reply, &refused);
-    assert_eq!(reply.text, "not taken, the drive holds 0x0002 run command = 0x0000 (stop)");
+    let (_, reply) = exchange(
+        &mut hall(),
+        &[1, 6, 0, 2, 0, 1],
+        TrafficKind::Reply,
+        &refused,
+    );
+    assert_eq!(
+        reply.text,
+        "not taken, the drive holds 0x0002 run command = 0x0000 (stop)"
+    );
 }
 
 #[test]
 fn a_run_word_is_reported_by_its_bits_and_fields() {
     use crate::profile::check;
     let told = |text: &str, word: u16| {
-        let drive = KnownDrive { model: Arc::new(check::model(text).unwrap()), ..drive("hyundai-n700", 1) };
+        let drive = KnownDrive {
+            model: Arc::new(check::model(text).unwrap()),
+            ..drive("hyundai-n700", 1)
+        };
         let pdu = [&[6, 0x20, 0x00][..], &word.to_be_bytes()].concat();
-        let asked = decoder(Framing::Rtu, vec![drive]).decode(&record(TrafficKind::Request, &frame(1, &pdu)));
-        asked.text.strip_prefix("write 0x2000 run command = ").unwrap_or(&asked.text).to_owned()
+        let asked = decoder(Framing::Rtu, vec![drive])
+            .decode(&record(TrafficKind::Request, &frame(1, &pdu)));
+        asked
+            .text
+            .strip_prefix("write 0x2000 run command = ")
+            .unwrap_or(&asked.text)
+            .to_owned()
     };
     let ignoring = include_str!("../../../tests/golden/models/zero-ignored.toml");
     assert_eq!(told(ignoring, 0x043C), "0x043C (stop)");
     assert_eq!(told(ignoring, 0x0000), "0x0000 (ignored)");
-    assert_eq!(told(ignoring, 0x803C), "0x803C (ignored)", "whatever else it says");
+    assert_eq!(
+        told(ignoring, 0x803C),
+        "0x803C (ignored)",
+        "whatever else it says"
+    );
     assert_eq!(told(ignoring, 0x042C), "0x042C (quick-stop)");
     let latching = include_str!("../../../tests/golden/models/zero-nothing.toml");
     assert_eq!(told(latching, 0x0000), "0x0000 (nothing)");
@@ -228,8 +342,14 @@ fn a_run_word_is_reported_by_its_bits_and_fields() {
 #[test]
 fn what_is_for_all_is_said_so() {
     let mut hall = hall();
-    let asked = hall.decode(&record(TrafficKind::Request, &frame(0xFF, &[6, 0, 2, 0, 0])));
-    assert_eq!(asked.text, "to all: write 0x0002 run command = 0x0000 (stop)");
+    let asked = hall.decode(&record(
+        TrafficKind::Request,
+        &frame(0xFF, &[6, 0, 2, 0, 0]),
+    ));
+    assert_eq!(
+        asked.text,
+        "to all: write 0x0002 run command = 0x0000 (stop)"
+    );
     assert_eq!((asked.station, asked.drive), (Some(Station(0xFF)), None));
 }
 
@@ -237,53 +357,117 @@ fn what_is_for_all_is_said_so() {
 fn barriers_and_looks_for_an_echo_are_named() {
     let mut hall = hall();
     let mut said = |why, pdu: &[u8]| {
-        let sent = TrafficRecord { why: Some(why), ..record(TrafficKind::Request, &frame(1, pdu)) };
+        let sent = TrafficRecord {
+            why: Some(why),
+            ..record(TrafficKind::Request, &frame(1, pdu))
+        };
         hall.decode(&sent).text
     };
-    assert_eq!(said(Why::Barrier, &[8, 0, 0, 0xA5, 0x37]), "barrier: loop test with 0xA537");
-    assert_eq!(said(Why::Trial, &[0x11]), "trial of a barrier: function 0x11, report server id");
-    assert_eq!(said(Why::Probe, &[3, 1, 1, 0, 2]), "looking for an echo: read 0x0101 output frequency, 2 words");
-    assert_eq!(said(Why::Stop, &[6, 0, 2, 0, 0]), "write 0x0002 run command = 0x0000 (stop)");
+    assert_eq!(
+        said(Why::Barrier, &[8, 0, 0, 0xA5, 0x37]),
+        "barrier: loop test with 0xA537"
+    );
+    assert_eq!(
+        said(Why::Trial, &[0x11]),
+        "trial of a barrier: function 0x11, report server id"
+    );
+    assert_eq!(
+        said(Why::Probe, &[3, 1, 1, 0, 2]),
+        "looking for an echo: read 0x0101 output frequency, 2 words"
+    );
+    assert_eq!(
+        said(Why::Stop, &[6, 0, 2, 0, 0]),
+        "write 0x0002 run command = 0x0000 (stop)"
+    );
     let refusal = hall.decode(&record(TrafficKind::Reply, &frame(1, &[0x86, 1])));
     assert!(!refusal.text.contains("as it should"), "{}", refusal.text);
-    let barrier = TrafficRecord { why: Some(Why::Barrier), ..record(TrafficKind::Request, &frame(1, &[0x11])) };
+    let barrier = TrafficRecord {
+        why: Some(Why::Barrier),
+        ..record(TrafficKind::Request, &frame(1, &[0x11]))
+    };
     hall.decode(&barrier);
     let refusal = hall.decode(&record(TrafficKind::Reply, &frame(1, &[0x91, 1])));
-    assert!(refusal.text.ends_with(", as it should be"), "{}", refusal.text);
+    assert!(
+        refusal.text.ends_with(", as it should be"),
+        "{}",
+        refusal.text
+    );
 }
 
 #[test]
 fn what_answers_nothing_is_understood_by_itself() {
     let mut hall = hall();
     let stray = TrafficKind::Stray(Station(1));
-    let (_, late) = exchange(&mut hall, &[1, 3, 1, 1, 0, 1], stray, &frame(1, &[3, 4, 0, 1, 0, 2]));
+    let (_, late) = exchange(
+        &mut hall,
+        &[1, 3, 1, 1, 0, 1],
+        stray,
+        &frame(1, &[3, 4, 0, 1, 0, 2]),
+    );
     assert_eq!(late.text, "2 words of unknown registers: 0x0001 0x0002");
     let mut said = |kind, pdu: &[u8]| hall.decode(&record(kind, &frame(2, pdu))).text;
     let foreign = TrafficKind::Foreign(Station(2));
-    assert_eq!(said(foreign, &[6, 0, 2, 0, 1]), "after a write: 0x0002 run command = 0x0001 (forward)");
-    assert_eq!(said(foreign, &[0x10, 0, 2, 0, 2]), "after a write of 2 words from 0x0002 run command on");
-    assert_eq!(said(foreign, &[8, 0, 0, 0, 7]), "a loop test came back with 0x0007");
-    assert_eq!(said(foreign, &[0x83, 2]), "exception 0x02: illegal data address");
+    assert_eq!(
+        said(foreign, &[6, 0, 2, 0, 1]),
+        "after a write: 0x0002 run command = 0x0001 (forward)"
+    );
+    assert_eq!(
+        said(foreign, &[0x10, 0, 2, 0, 2]),
+        "after a write of 2 words from 0x0002 run command on"
+    );
+    assert_eq!(
+        said(foreign, &[8, 0, 0, 0, 7]),
+        "a loop test came back with 0x0007"
+    );
+    assert_eq!(
+        said(foreign, &[0x83, 2]),
+        "exception 0x02: illegal data address"
+    );
     assert_eq!(said(foreign, &[0x63, 2]), "reply to function 0x63");
     let other = TrafficKind::OtherMaster(Station(2));
-    assert_eq!(said(other, &[3, 1, 1, 0, 1]), "another master requests: read 0x0101 output frequency, 1 word");
-    assert_eq!(said(other, &[4, 1, 1, 0, 1]), "another master requests: read input 0x0101 output frequency, 1 word");
-    assert_eq!(said(TrafficKind::Echo, &[3, 1, 1, 0, 1]), "our own frame came back");
+    assert_eq!(
+        said(other, &[3, 1, 1, 0, 1]),
+        "another master requests: read 0x0101 output frequency, 1 word"
+    );
+    assert_eq!(
+        said(other, &[4, 1, 1, 0, 1]),
+        "another master requests: read input 0x0101 output frequency, 1 word"
+    );
+    assert_eq!(
+        said(TrafficKind::Echo, &[3, 1, 1, 0, 1]),
+        "our own frame came back"
+    );
 }
 
 #[test]
 fn what_is_left_of_a_reply_is_said_to_be_that() {
     let mut hall = hall();
-    let mut said = |bytes: &[u8]| exchange(&mut hall, &[1, 3, 1, 1, 0, 1], TrafficKind::Noise, bytes).1.text;
-    assert_eq!(said(&[1, 3, 2, 0, 0, 0, 0]), "a damaged reply: 7 bytes whose check is wrong");
+    let mut said = |bytes: &[u8]| {
+        exchange(&mut hall, &[1, 3, 1, 1, 0, 1], TrafficKind::Noise, bytes)
+            .1
+            .text
+    };
+    assert_eq!(
+        said(&[1, 3, 2, 0, 0, 0, 0]),
+        "a damaged reply: 7 bytes whose check is wrong"
+    );
     assert_eq!(said(&[1, 3, 2]), "a damaged reply: 3 of 7 bytes");
-    assert_eq!(said(&[1, 3, 2, 0, 0, 0, 0, 0]), "a damaged reply: 8 bytes in the place of 7");
-    assert_eq!(said(&[1, 0x83, 2, 0, 0]), "a damaged reply: 5 bytes whose check is wrong");
+    assert_eq!(
+        said(&[1, 3, 2, 0, 0, 0, 0, 0]),
+        "a damaged reply: 8 bytes in the place of 7"
+    );
+    assert_eq!(
+        said(&[1, 0x83, 2, 0, 0]),
+        "a damaged reply: 5 bytes whose check is wrong"
+    );
     assert_eq!(said(&[2, 3, 2, 0, 0, 0, 0]), "7 bytes that make no frame");
     assert_eq!(said(&[0]), "1 byte that makes no frame");
     let mut ascii = decoder(Framing::Ascii, vec![drive("teco-e510", 1)]);
     let mut said = |bytes: &[u8]| ascii.decode(&record(TrafficKind::Noise, bytes)).text;
-    assert_eq!(said(b":0103021770FF\r\n"), "a damaged frame: 15 characters whose check is wrong");
+    assert_eq!(
+        said(b":0103021770FF\r\n"),
+        "a damaged frame: 15 characters whose check is wrong"
+    );
     assert_eq!(said(b":0103"), "5 characters of a frame that did not end");
     assert_eq!(said(b"03\r\n"), "4 bytes that make no frame");
 }
@@ -297,10 +481,19 @@ fn messages_of_modbus_tcp_read_as_the_frames_of_a_serial_line() {
     };
     let mut line = decoder(Framing::Mbap, vec![drive("hyundai-n700", 1)]);
     let mut serial = hall();
-    for (kind, pdu) in [(TrafficKind::Request, &[3, 1, 1, 0, 1][..]), (TrafficKind::Reply, &[3, 2, 0x17, 0x70])] {
+    for (kind, pdu) in [
+        (TrafficKind::Request, &[3, 1, 1, 0, 1][..]),
+        (TrafficKind::Reply, &[3, 2, 0x17, 0x70]),
+    ] {
         let frame = line.decode(&record(kind, &message(pdu)));
-        assert_eq!((&frame.station, frame.function), (&Some(Station(1)), Some(3)));
-        assert_eq!(frame.text, serial.decode(&record(kind, &self::frame(1, pdu))).text);
+        assert_eq!(
+            (&frame.station, frame.function),
+            (&Some(Station(1)), Some(3))
+        );
+        assert_eq!(
+            frame.text,
+            serial.decode(&record(kind, &self::frame(1, pdu))).text
+        );
     }
     let noise = line.decode(&record(TrafficKind::Noise, b"HTTP"));
     assert_eq!(noise.text, "4 bytes that make no Modbus TCP message");
@@ -316,11 +509,23 @@ fn silences_are_counted_from_the_end_of_what_was_there_before() {
     };
     let gap_ms = |frame: Frame| frame.gap.map(|gap| gap.as_millis());
     let first = hall.decode(&at(TrafficKind::Reply, 100, 108));
-    assert_eq!((gap_ms(first.clone()), first.on_wire.as_millis()), (None, 8));
-    assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Reply, 120, 130))), Some(12));
+    assert_eq!(
+        (gap_ms(first.clone()), first.on_wire.as_millis()),
+        (None, 8)
+    );
+    assert_eq!(
+        gap_ms(hall.decode(&at(TrafficKind::Reply, 120, 130))),
+        Some(12)
+    );
     // What arrives while we are still sending has no silence before it.
-    assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Echo, 121, 129))), Some(0));
-    assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Reply, 131, 132))), Some(1));
+    assert_eq!(
+        gap_ms(hall.decode(&at(TrafficKind::Echo, 121, 129))),
+        Some(0)
+    );
+    assert_eq!(
+        gap_ms(hall.decode(&at(TrafficKind::Reply, 131, 132))),
+        Some(1)
+    );
     hall.skip();
     assert_eq!(gap_ms(hall.decode(&at(TrafficKind::Reply, 140, 141))), None);
 }
@@ -329,8 +534,13 @@ fn silences_are_counted_from_the_end_of_what_was_there_before() {
 fn a_frame_is_a_document() {
     let mut hall = hall();
     let bytes = frame(1, &[3, 1, 1, 0, 1]);
-    let sent = TrafficRecord { end: MonoTime::from_micros(8_333), ..record(TrafficKind::Request, &bytes) };
-    let json = hall.decode(&sent).json("2026-01-31T08:00:00.000001Z", &bytes);
+    let sent = TrafficRecord {
+        end: MonoTime::from_micros(8_333),
+        ..record(TrafficKind::Request, &bytes)
+    };
+    let json = hall
+        .decode(&sent)
+        .json("2026-01-31T08:00:00.000001Z", &bytes);
     assert_eq!(
         json,
         serde_json::json!({
@@ -343,16 +553,30 @@ fn a_frame_is_a_document() {
 
 #[test]
 fn no_bytes_are_too_odd() {
-    let models = ["hyundai-n700", "toshiba-vf-as1", "teco-e510", "frecon-fr500a", "hyundai-n100plus"];
+    let models = [
+        "hyundai-n700",
+        "toshiba-vf-as1",
+        "teco-e510",
+        "frecon-fr500a",
+        "hyundai-n100plus",
+    ];
     let mut random = fastrand::Rng::with_seed(7);
     for model in models {
         let mut decoder = decoder(Framing::Rtu, vec![drive(model, 1)]);
         for _ in 0..2_000 {
             let pdu: Vec<u8> = (0..random.usize(0..12)).map(|_| random.u8(..)).collect();
-            let kinds = [TrafficKind::Request, TrafficKind::Reply, TrafficKind::Stray(Station(1)), TrafficKind::Noise];
+            let kinds = [
+                TrafficKind::Request,
+                TrafficKind::Reply,
+                TrafficKind::Stray(Station(1)),
+                TrafficKind::Noise,
+            ];
             let kind = kinds[random.usize(..kinds.len())];
             let code = [3, 6, 8, 0x10, 0x83, random.u8(..)][random.usize(..6)];
-            let frame = decoder.decode(&record(kind, &frame(random.u8(0..2), &[&[code], &pdu[..]].concat())));
+            let frame = decoder.decode(&record(
+                kind,
+                &frame(random.u8(0..2), &[&[code], &pdu[..]].concat()),
+            ));
             assert!(!frame.text.is_empty());
         }
     }

@@ -7,9 +7,22 @@ use crate::profile::register::RegisterFile;
 use crate::toml_file::{OptionalKey, Spanned};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let OptionalKey::Valid(Spanned { value: commit, location }) = &file.commit else { return };
-    if matches!((&commit.apply, &commit.store), (OptionalKey::Absent, OptionalKey::Absent)) {
-        problems.push(location.problem("states no word").right("a table `apply` or `store`, or leave it out"));
+    let OptionalKey::Valid(Spanned {
+        value: commit,
+        location,
+    }) = &file.commit
+    else {
+        return;
+    };
+    if matches!(
+        (&commit.apply, &commit.store),
+        (OptionalKey::Absent, OptionalKey::Absent)
+    ) {
+        problems.push(
+            location
+                .problem("states no word")
+                .right("a table `apply` or `store`, or leave it out"),
+        );
     }
     for word in commit.words() {
         is_written_by_nobody_else(word, &file.registers, problems);
@@ -19,16 +32,29 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// The register is there for this alone: a client that wrote it could wear out the drive's memory, or take over what
 /// somebody else only tried.
-fn is_written_by_nobody_else(word: &CommitWordFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+fn is_written_by_nobody_else(
+    word: &CommitWordFile,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     let Some(name) = &word.register else { return };
-    let Some(register) = there(name, registers, problems) else { return };
+    let Some(register) = there(name, registers, problems) else {
+        return;
+    };
     let problem = |what: &str| name.location.problem(format!("`{}` {what}", name.value));
-    if register.access.as_ref().is_some_and(|access| !access.value.can_write()) {
-        problems.push(problem("is not writable").right("a register with access \"write\" or \"read-write\""));
+    if register
+        .access
+        .as_ref()
+        .is_some_and(|access| !access.value.can_write())
+    {
+        problems.push(
+            problem("is not writable").right("a register with access \"write\" or \"read-write\""),
+        );
     } else if matches!(register.role, OptionalKey::Valid(_)) {
         problems.push(problem("has a role").right("the register that is there for this alone"));
     } else if matches!(register.back_door, OptionalKey::Absent) {
-        let right = "`back_door` in that register, with the reason: nobody but the gateway may write it";
+        let right =
+            "`back_door` in that register, with the reason: nobody but the gateway may write it";
         problems.push(problem("is open to clients").right(right));
     }
 }
@@ -37,13 +63,19 @@ fn is_written_by_nobody_else(word: &CommitWordFile, registers: &[RegisterFile], 
 fn words_differ(commit: &CommitFile, problems: &mut Vec<Problem>) {
     let [apply, store] = [&commit.apply, &commit.store].map(|word| {
         let word = &word.valid()?.value;
-        Some((&word.register.as_ref()?.value, word.value.as_ref()?.value, &word.location))
+        Some((
+            &word.register.as_ref()?.value,
+            word.value.as_ref()?.value,
+            &word.location,
+        ))
     });
     if let (Some((name, word, location)), Some((other, stores, _))) = (apply, store)
         && (name, word) == (other, stores)
     {
-        let problem = location.problem("is the word of `commit.store`, which is written as often as a memory lasts");
-        problems.push(problem.right("another word, or leave it out: the one that stores applies too"));
+        let problem = location
+            .problem("is the word of `commit.store`, which is written as often as a memory lasts");
+        problems
+            .push(problem.right("another word, or leave it out: the one that stores applies too"));
     }
 }
 

@@ -27,12 +27,29 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// The drive serves the functions used for reading, commanding and broadcasting.
 fn functions_suffice(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: served, location }) = &file.functions.value else { return };
+    let Some(Spanned {
+        value: served,
+        location,
+    }) = &file.functions.value
+    else {
+        return;
+    };
     tables::are_served(file, served, location, problems);
-    let broadcast = file.link.as_ref().and_then(|link| link.broadcast.as_ref()?.value.as_ref());
-    let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else { return };
-    if let Some(function) = broadcast.value.iter().find(|function| !served.contains(function)) {
-        let problem = broadcast.location.problem(format!("function {function:02X} hex is not in `functions`"));
+    let broadcast = file
+        .link
+        .as_ref()
+        .and_then(|link| link.broadcast.as_ref()?.value.as_ref());
+    let Some(broadcast) = broadcast.and_then(|it| it.value.functions.as_ref()) else {
+        return;
+    };
+    if let Some(function) = broadcast
+        .value
+        .iter()
+        .find(|function| !served.contains(function))
+    {
+        let problem = broadcast
+            .location
+            .problem(format!("function {function:02X} hex is not in `functions`"));
         problems.push(problem.right("functions listed in `functions`"));
     }
 }
@@ -44,25 +61,56 @@ fn serves(function: u8, file: &ModelFile) -> Option<bool> {
 
 /// Only a drive that understands ASCII frames may have a limit for them.
 fn ascii_is_there(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let words = file.read.as_ref().and_then(|read| read.max_words_ascii.as_ref()?.value.as_ref());
-    let framings = file.link.as_ref().and_then(|link| link.framings.value.as_ref());
-    let (Some(words), Some(framings)) = (words, framings) else { return };
+    let words = file
+        .read
+        .as_ref()
+        .and_then(|read| read.max_words_ascii.as_ref()?.value.as_ref());
+    let framings = file
+        .link
+        .as_ref()
+        .and_then(|link| link.framings.value.as_ref());
+    let (Some(words), Some(framings)) = (words, framings) else {
+        return;
+    };
     if !framings.value.contains(&Framing::Ascii) {
-        let problem = words.location.problem("the model does not support ASCII framing");
-        problems.push(problem.right("leave it out, or \"ascii\" in `link.framings` if the manual names it"));
+        let problem = words
+            .location
+            .problem("the model does not support ASCII framing");
+        problems.push(
+            problem.right("leave it out, or \"ascii\" in `link.framings` if the manual names it"),
+        );
     }
 }
 
 /// Every register of a block is writable, and the drive serves the function that writes blocks.
 fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
-    let Some(Spanned { value: block, location }) = block else { return };
-    let of_bits = block.table.valid().is_some_and(|table| table.value.is_of_bits());
-    let function = if of_bits { function::WRITE_COILS } else { function::WRITE_MULTIPLE };
+    let block = file
+        .write
+        .as_ref()
+        .and_then(|write| write.block.as_ref()?.value.as_ref());
+    let Some(Spanned {
+        value: block,
+        location,
+    }) = block
+    else {
+        return;
+    };
+    let of_bits = block
+        .table
+        .valid()
+        .is_some_and(|table| table.value.is_of_bits());
+    let function = if of_bits {
+        function::WRITE_COILS
+    } else {
+        function::WRITE_MULTIPLE
+    };
     if serves(function, file) == Some(false) {
-        let problem = location.problem(format!("writing a block requires function {function:02X} hex"));
-        problems
-            .push(problem.right(format!("leave it out, or 0x{function:02X} in `functions` if the manual names it")));
+        let problem = location.problem(format!(
+            "writing a block requires function {function:02X} hex"
+        ));
+        problems.push(problem.right(format!(
+            "leave it out, or 0x{function:02X} in `functions` if the manual names it"
+        )));
     }
     if let Some(address) = first_without(block, Access::can_write, file) {
         let problem = location.problem(format!("there is no writable register at {address}"));
@@ -72,10 +120,17 @@ fn block_is_writable(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// What the value in a reply says needs replies with a value: those to function 10 hex have none.
 fn replies_carry_values(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let refused = file.write.as_ref().and_then(|write| write.refused.value.as_ref());
-    let Some(refused) = refused.filter(|it| it.value != RefusedWrite::Exception) else { return };
+    let refused = file
+        .write
+        .as_ref()
+        .and_then(|write| write.refused.value.as_ref());
+    let Some(refused) = refused.filter(|it| it.value != RefusedWrite::Exception) else {
+        return;
+    };
     if serves(0x06, file) == Some(false) {
-        let problem = refused.location.problem("the reply to a write by function 10 hex carries no value");
+        let problem = refused
+            .location
+            .problem("the reply to a write by function 10 hex carries no value");
         problems.push(problem.right("\"exception\", or add 0x06 to `functions`"));
     }
 }
@@ -87,9 +142,14 @@ fn exceptions_are_of_one_kind(file: &ModelFile, problems: &mut Vec<Problem>) {
         return;
     }
     let is_first = |code: &u16| *code == u16::from(ILLEGAL_FUNCTION);
-    let firsts = file.exceptions.iter().filter(|it| it.code.as_ref().is_some_and(|code| is_first(&code.value)));
+    let firsts = file
+        .exceptions
+        .iter()
+        .filter(|it| it.code.as_ref().is_some_and(|code| is_first(&code.value)));
     for kind in firsts.filter_map(|it| it.kind.valid()) {
-        let problem = kind.location.problem("a barrier takes exception 01 for the refusal of its function");
+        let problem = kind
+            .location
+            .problem("a barrier takes exception 01 for the refusal of its function");
         problems.push(problem.right("leave it out, or no `refused_function`"));
     }
 }
@@ -99,20 +159,33 @@ fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
     let areas = file.read.iter().flat_map(|read| &read.areas);
     let mut ranges: Vec<(Table, u16, u16)> = Vec::new();
     for area in areas {
-        let (Some(from), Some(to), Some(table)) = (&area.from, &area.to, area.table.or(Table::Holding)) else {
+        let (Some(from), Some(to), Some(table)) =
+            (&area.from, &area.to, area.table.or(Table::Holding))
+        else {
             continue;
         };
         if from.value > to.value {
-            let problem = to.location.problem(format!("the area ends before it begins, at 0x{:04X}", from.value));
+            let problem = to.location.problem(format!(
+                "the area ends before it begins, at 0x{:04X}",
+                from.value
+            ));
             problems.push(problem.right("the last address of the area"));
-        } else if let Some((_, first, last)) =
-            ranges.iter().find(|(other, first, last)| *other == table && *first <= to.value && from.value <= *last)
-        {
-            let problem = from.location.problem(format!("overlaps the area from 0x{first:04X} to 0x{last:04X}"));
+        } else if let Some((_, first, last)) = ranges.iter().find(|(other, first, last)| {
+            *other == table && *first <= to.value && from.value <= *last
+        }) {
+            let problem = from.location.problem(format!(
+                "overlaps the area from 0x{first:04X} to 0x{last:04X}"
+            ));
             problems.push(problem.right("areas without a common address"));
         }
-        if file.quirks.valid().is_some_and(|quirks| quirks.value.decimal_numbers.is_some()) {
-            let problem = from.location.problem("the words of an area cannot be counted in decimal addresses");
+        if file
+            .quirks
+            .valid()
+            .is_some_and(|quirks| quirks.value.decimal_numbers.is_some())
+        {
+            let problem = from
+                .location
+                .problem("the words of an area cannot be counted in decimal addresses");
             problems.push(problem.right("no areas, or no `decimal_numbers`"));
         }
         ranges.push((table, from.value, to.value));
@@ -121,13 +194,29 @@ fn areas_are_apart(file: &ModelFile, problems: &mut Vec<Problem>) {
 
 /// Writes fit into the longest frame.
 fn frames_are_short(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let most = file.read.as_ref().and_then(|read| read.max_bytes.as_ref()?.value.as_ref());
-    let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref()?.value.count.as_ref());
-    let (Some(most), Some(count)) = (most, block) else { return };
+    let most = file
+        .read
+        .as_ref()
+        .and_then(|read| read.max_bytes.as_ref()?.value.as_ref());
+    let block = file
+        .write
+        .as_ref()
+        .and_then(|write| write.block.as_ref()?.value.as_ref()?.value.count.as_ref());
+    let (Some(most), Some(count)) = (most, block) else {
+        return;
+    };
     let words = (most.value - WRITE_BYTES) / 2;
     if count.value > words {
-        let what = format!("a write of {} words is longer than `read.max_bytes`", count.value);
-        problems.push(count.location.problem(what).right(format!("at most {words}")));
+        let what = format!(
+            "a write of {} words is longer than `read.max_bytes`",
+            count.value
+        );
+        problems.push(
+            count
+                .location
+                .problem(what)
+                .right(format!("at most {words}")),
+        );
     }
 }
 
@@ -140,64 +229,120 @@ fn barrier_is_sound(barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<
         None => {}
         Some(BarrierForm::Read(block)) => read_is_sound(block, barrier, file, problems),
         Some(BarrierForm::LoopTest(_)) if serves(0x08, file) == Some(false) => {
-            let problem = barrier.location.problem("the drive does not serve the loop test");
-            problems.push(problem.right("another barrier, or 0x08 in `functions` if the manual names it"));
+            let problem = barrier
+                .location
+                .problem("the drive does not serve the loop test");
+            problems.push(
+                problem.right("another barrier, or 0x08 in `functions` if the manual names it"),
+            );
         }
         Some(BarrierForm::LoopTest(_)) => {}
         Some(BarrierForm::Refused(function)) => {
             let function = function.value.as_ref();
             if let Some(function) = function.filter(|it| serves(it.value, file) == Some(true)) {
-                let what = format!("function {:02X} hex is served, so the drive does not refuse it", function.value);
-                problems.push(function.location.problem(what).right("a function that is not in `functions`"));
+                let what = format!(
+                    "function {:02X} hex is served, so the drive does not refuse it",
+                    function.value
+                );
+                problems.push(
+                    function
+                        .location
+                        .problem(what)
+                        .right("a function that is not in `functions`"),
+                );
             }
         }
     }
 }
 
 /// A barrier read fits into one read and covers readable registers only.
-fn read_is_sound(block: &BlockFile, barrier: &BarrierFile, file: &ModelFile, problems: &mut Vec<Problem>) {
+fn read_is_sound(
+    block: &BlockFile,
+    barrier: &BarrierFile,
+    file: &ModelFile,
+    problems: &mut Vec<Problem>,
+) {
     let limits = file.read.as_ref().and_then(ReadFile::ready);
-    if limits.as_ref().is_some_and(|limits| limits.max_words.value == 1) {
-        let problem = barrier.location.problem("with at most one word per read, all reads look alike");
-        problems.push(problem.right("leave it out, or `loop_test` or `refused_function` if the documents show them"));
+    if limits
+        .as_ref()
+        .is_some_and(|limits| limits.max_words.value == 1)
+    {
+        let problem = barrier
+            .location
+            .problem("with at most one word per read, all reads look alike");
+        problems.push(problem.right(
+            "leave it out, or `loop_test` or `refused_function` if the documents show them",
+        ));
         return;
     }
-    let (Some(address), Some(count)) = (block.first(), &block.count) else { return };
+    let (Some(address), Some(count)) = (block.first(), &block.count) else {
+        return;
+    };
     let most = limits.map(|limits| {
-        let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
+        let ascii = limits
+            .max_words_ascii
+            .as_ref()
+            .map_or(u16::MAX, |words| words.value);
         limits.words_at(address).min(ascii)
     });
     if let Some(most) = most.filter(|most| *most < count.value) {
-        let problem = count.location.problem("more words than one read from this address may cover");
+        let problem = count
+            .location
+            .problem("more words than one read from this address may cover");
         problems.push(problem.right(format!("at most {most}")));
         return;
     }
     if let Some(address) = first_without(block, Access::can_read, file) {
         let what = format!("there is no readable register at {address}");
-        problems.push(barrier.location.problem(what).right("a range of readable registers only"));
+        problems.push(
+            barrier
+                .location
+                .problem(what)
+                .right("a range of readable registers only"),
+        );
     }
 }
 
 /// The first address of `block` without a register that `may`; `None` if there is none, or if a register is too
 /// incomplete to decide.
-fn first_without(block: &BlockFile, may: impl Fn(Access) -> bool, file: &ModelFile) -> Option<Address> {
+fn first_without(
+    block: &BlockFile,
+    may: impl Fn(Access) -> bool,
+    file: &ModelFile,
+) -> Option<Address> {
     let first = block.first()?;
     let count = block.count.as_ref()?.value;
     let mut fit = BTreeSet::new();
     for register in &file.registers {
         let words = if register.form.is_pair() { 2 } else { 1 };
         let is_fit = may(register.access.as_ref()?.value);
-        fit.extend(register.place()?.value.onwards().take(words).filter(|_| is_fit));
+        fit.extend(
+            register
+                .place()?
+                .value
+                .onwards()
+                .take(words)
+                .filter(|_| is_fit),
+        );
     }
-    let in_decimal = file.quirks.valid().is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
+    let in_decimal = file
+        .quirks
+        .valid()
+        .is_some_and(|quirks| quirks.value.decimal_numbers.is_some());
     let counts = |address: &Address| !in_decimal || has_decimal_digits(address.number());
-    first.onwards().filter(counts).take(count.into()).find(|address| !fit.contains(address))
+    first
+        .onwards()
+        .filter(counts)
+        .take(count.into())
+        .find(|address| !fit.contains(address))
 }
 
 #[cfg(test)]
 mod tests {
     use crate::profile::check::model;
-    use crate::profile::testing::{EVERYTHING, MODEL, each_is_told, each_mistake_is_told, told_with};
+    use crate::profile::testing::{
+        EVERYTHING, MODEL, each_is_told, each_mistake_is_told, told_with,
+    };
 
     #[test]
     fn functions_are_those_that_the_rest_needs() {
@@ -267,9 +412,13 @@ mod tests {
             ),
         ]);
         let block = "block = { address = 0x2000, count = 2";
-        let narrow = "max_bytes = { value = 11, confidence = \"manual\", source = \"IM 3\" }\n\n[write]\n";
-        let found =
-            told_with(&EVERYTHING.replacen("[write]\n", narrow, 1), block, &block.replace("count = 2", "count = 3"));
+        let narrow =
+            "max_bytes = { value = 11, confidence = \"manual\", source = \"IM 3\" }\n\n[write]\n";
+        let found = told_with(
+            &EVERYTHING.replacen("[write]\n", narrow, 1),
+            block,
+            &block.replace("count = 2", "count = 3"),
+        );
         let told = "write.block.count: a write of 3 words is longer than `read.max_bytes`\n    right: at most 1\n";
         assert!(found.contains(told), "{found}");
     }
@@ -289,7 +438,11 @@ mod tests {
             "exception[2].kind: `bussy` is not an allowed value -> \"busy\"",
         )]);
         let first = "code = 2\ntext = \"no such register\"";
-        let found = told_with(EVERYTHING, first, "code = 1\ntext = \"no\"\nkind = \"in-trip\"");
+        let found = told_with(
+            EVERYTHING,
+            first,
+            "code = 1\ntext = \"no\"\nkind = \"in-trip\"",
+        );
         let told = "exception[1].kind: a barrier takes exception 01 for the refusal of its function\n    \
                     right: leave it out, or no `refused_function`\n";
         assert!(found.contains(told), "{found}");
@@ -377,11 +530,9 @@ mod tests {
                  access = \"read\"\nconfidence = \"manual\"\nsource = \"IM 6\"\n\n[[register]]\nname = \"status\""
             )
         };
-        let text = EVERYTHING.replacen(&barrier("0x2100"), &barrier("0x3009"), 1).replacen(
-            "[[register]]\nname = \"status\"",
-            &register("0x3010"),
-            1,
-        );
+        let text = EVERYTHING
+            .replacen(&barrier("0x2100"), &barrier("0x3009"), 1)
+            .replacen("[[register]]\nname = \"status\"", &register("0x3010"), 1);
         assert_eq!(model(&text).err(), None);
     }
 }

@@ -17,7 +17,11 @@ pub(super) fn once<'f, T: Ord + 'f>(
     for Spanned { value, location } in written {
         match taken.get(value) {
             Some(first) => {
-                problems.push(location.problem(format!("{} is taken by {first}", called(value))).right(right));
+                problems.push(
+                    location
+                        .problem(format!("{} is taken by {first}", called(value)))
+                        .right(right),
+                );
             }
             None => {
                 taken.insert(value, &location.key);
@@ -32,15 +36,27 @@ pub(super) fn with_role<'f>(
     registers: &'f [RegisterFile],
 ) -> Option<(&'f RegisterFile, &'f Spanned<Role>)> {
     registers.iter().find_map(|register| {
-        let role = register.role.valid().filter(|role| wanted.contains(&role.value))?;
+        let role = register
+            .role
+            .valid()
+            .filter(|role| wanted.contains(&role.value))?;
         Some((register, role))
     })
 }
 
 /// Reports `register`, whose `role` shows `what`, if it is not polled.
-pub(super) fn is_polled(register: &RegisterFile, role: &Spanned<Role>, what: &str, problems: &mut Vec<Problem>) {
+pub(super) fn is_polled(
+    register: &RegisterFile,
+    role: &Spanned<Role>,
+    what: &str,
+    problems: &mut Vec<Problem>,
+) {
     if matches!(register.poll, OptionalKey::Absent) {
-        problems.push(role.location.problem(format!("{what} must be polled")).right("a register with `poll`"));
+        problems.push(
+            role.location
+                .problem(format!("{what} must be polled"))
+                .right("a register with `poll`"),
+        );
     }
 }
 
@@ -51,12 +67,18 @@ pub(super) fn there<'f>(
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
     let Some(register) = named(&name.value, registers) else {
-        let names = registers.iter().filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
+        let names = registers
+            .iter()
+            .filter_map(|register| Some(register.name.as_ref()?.value.as_str()));
         let right = match nearest(&name.value, names) {
             Some(near) => format!("`{near}`"),
             None => "the `name` of a register".to_owned(),
         };
-        problems.push(name.location.problem(format!("there is no register called `{}`", name.value)).right(right));
+        problems.push(
+            name.location
+                .problem(format!("there is no register called `{}`", name.value))
+                .right(right),
+        );
         return None;
     };
     Some(register)
@@ -69,8 +91,14 @@ pub(super) fn readable<'f>(
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
     let register = there(name, registers, problems)?;
-    if register.access.as_ref().is_some_and(|access| !access.value.can_read()) {
-        let problem = name.location.problem(format!("`{}` is not readable", name.value));
+    if register
+        .access
+        .as_ref()
+        .is_some_and(|access| !access.value.can_read())
+    {
+        let problem = name
+            .location
+            .problem(format!("`{}` is not readable", name.value));
         problems.push(problem.right("a register with access \"read\" or \"read-write\""));
     }
     Some(register)

@@ -11,7 +11,9 @@ pub(super) fn check(link: &LinkFile, problems: &mut Vec<Problem>) {
 
 /// Each default setting is one of the supported settings.
 fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: default, .. }) = &link.default.value else { return };
+    let Some(Spanned { value: default, .. }) = &link.default.value else {
+        return;
+    };
     one_of(&default.baud, &link.bauds, "bauds", problems);
     one_of(&default.data_bits, &link.data_bits, "data_bits", problems);
     one_of(&default.parity, &link.parities, "parities", problems);
@@ -21,17 +23,29 @@ fn defaults_are_allowed(link: &LinkFile, problems: &mut Vec<Problem>) {
 /// The pause after a stored write is the longer one.
 pub(super) fn pauses_fit(timing: &TimingFile, problems: &mut Vec<Problem>) {
     let value = |fact: &Option<FactFile<_>>| fact.as_ref().and_then(|fact| fact.value.clone());
-    let (Some(pause), Some(stored)) = (value(&timing.pause_after_write), value(&timing.pause_after_stored_write))
-    else {
+    let (Some(pause), Some(stored)) = (
+        value(&timing.pause_after_write),
+        value(&timing.pause_after_stored_write),
+    ) else {
         return;
     };
     if stored.value <= pause.value {
         let what = "is no longer than `pause_after_write`, which applies to every write";
-        problems.push(stored.location.problem(what).right("a longer time, or leave it out"));
+        problems.push(
+            stored
+                .location
+                .problem(what)
+                .right("a longer time, or leave it out"),
+        );
     }
 }
 
-fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name: &str, problems: &mut Vec<Problem>) {
+fn one_of<T: PartialEq>(
+    value: &RequiredKey<T>,
+    allowed: &FactFile<Vec<T>>,
+    name: &str,
+    problems: &mut Vec<Problem>,
+) {
     if let (Some(value), Some(allowed)) = (value, &allowed.value)
         && !allowed.value.contains(&value.value)
     {
@@ -39,22 +53,39 @@ fn one_of<T: PartialEq>(value: &RequiredKey<T>, allowed: &FactFile<Vec<T>>, name
             value
                 .location
                 .problem("the default is not a supported setting")
-                .right(format!("one of `link.{name}`, or add it there if the manual names it")),
+                .right(format!(
+                    "one of `link.{name}`, or add it there if the manual names it"
+                )),
         );
     }
 }
 
 /// The range of stations is not empty and does not include the broadcast station.
 fn stations_are_apart(link: &LinkFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: stations, .. }) = &link.stations.value else { return };
-    let (Some(from), Some(to)) = (&stations.from, &stations.to) else { return };
+    let Some(Spanned {
+        value: stations, ..
+    }) = &link.stations.value
+    else {
+        return;
+    };
+    let (Some(from), Some(to)) = (&stations.from, &stations.to) else {
+        return;
+    };
     if from.value > to.value {
-        let problem = to.location.problem(format!("the last station is below the first, {}", from.value));
+        let problem = to.location.problem(format!(
+            "the last station is below the first, {}",
+            from.value
+        ));
         problems.push(problem.right(format!("{} to 247", from.value)));
     }
-    let broadcast = link.broadcast.as_ref().and_then(|broadcast| broadcast.value.as_ref()?.value.station.as_ref());
+    let broadcast = link
+        .broadcast
+        .as_ref()
+        .and_then(|broadcast| broadcast.value.as_ref()?.value.station.as_ref());
     if let Some(broadcast) = broadcast.filter(|it| (from.value..=to.value).contains(&it.value)) {
-        let problem = broadcast.location.problem("the broadcast station is also the station of a drive");
+        let problem = broadcast
+            .location
+            .problem("the broadcast station is also the station of a drive");
         problems.push(problem.right(format!("a number outside {} to {}", from.value, to.value)));
     }
 }
@@ -120,13 +151,30 @@ mod tests {
         let text = include_str!("../../../tests/golden/models/everything.toml");
         let known = "baud = 19200, data_bits = 8, parity = \"even\", stop_bits = 1";
         assert!(text.contains(known));
-        let of_ascii =
-            model(&text.replace(known, "baud = 9600, data_bits = 7, parity = \"none\", stop_bits = 2")).unwrap().link;
-        let settings = of_ascii.factory_with(Framing::Ascii).map(|it| it.to_string());
-        assert_eq!((settings.as_deref(), of_ascii.factory_with(Framing::Rtu)), (Some("9600 7N2"), None));
-        let unknown = model(&text.replace(known, "ask = \"P12 and P13\"")).unwrap().link;
-        assert_eq!((unknown.factory(), unknown.asks()), (None, Some("P12 and P13")));
+        let of_ascii = model(&text.replace(
+            known,
+            "baud = 9600, data_bits = 7, parity = \"none\", stop_bits = 2",
+        ))
+        .unwrap()
+        .link;
+        let settings = of_ascii
+            .factory_with(Framing::Ascii)
+            .map(|it| it.to_string());
+        assert_eq!(
+            (settings.as_deref(), of_ascii.factory_with(Framing::Rtu)),
+            (Some("9600 7N2"), None)
+        );
+        let unknown = model(&text.replace(known, "ask = \"P12 and P13\""))
+            .unwrap()
+            .link;
+        assert_eq!(
+            (unknown.factory(), unknown.asks()),
+            (None, Some("P12 and P13"))
+        );
         assert_eq!(unknown.played().to_string(), "9600 8N1");
-        assert_eq!(unknown.default.value.to_string(), "read at the drive: P12 and P13");
+        assert_eq!(
+            unknown.default.value.to_string(),
+            "read at the drive: P12 and P13"
+        );
     }
 }

@@ -36,7 +36,10 @@ pub fn model(text: &str) -> Result<Model, Vec<Problem>> {
 }
 
 /// Like [`model`], with the location of its identifier. The file may begin from one of `sources`.
-pub(super) fn model_and_id(text: &str, sources: &dyn Sources) -> Result<(Model, Location), Vec<Problem>> {
+pub(super) fn model_and_id(
+    text: &str,
+    sources: &dyn Sources,
+) -> Result<(Model, Location), Vec<Problem>> {
     let mut problems = Vec::new();
     let ready = Whole::read(text, sources, &mut problems).and_then(|whole| {
         let mut of_whole = Vec::new();
@@ -96,7 +99,10 @@ mod tests {
         assert_eq!(model.link.stations.value, 1..=247);
         assert_eq!(model.timing.max_lateness.value, Duration::from_secs(1));
         assert_eq!(model.timing.max_lateness.confidence, Confidence::Default);
-        assert_eq!((model.run, model.link.broadcast, model.read.boundary), (None, None, None));
+        assert_eq!(
+            (model.run, model.link.broadcast, model.read.boundary),
+            (None, None, None)
+        );
         assert_eq!(model.registers[0].source, "IM 4");
     }
 
@@ -109,21 +115,43 @@ mod tests {
     #[test]
     fn invalid_toml_is_the_only_problem() {
         let found = told_with(MODEL, "vendor = \"Acme\"", "vendor = ");
-        assert!(found.starts_with("2:") && found.contains(": not valid TOML: "), "{found}");
+        assert!(
+            found.starts_with("2:") && found.contains(": not valid TOML: "),
+            "{found}"
+        );
         assert_eq!(found.lines().count(), 2, "{found}");
     }
 
     #[test]
     fn an_empty_file_lists_what_a_model_needs() {
         let found = told(&model("").unwrap_err(), "");
-        let keys: Vec<_> = found.lines().filter_map(|line| line.strip_prefix("1:1 ")?.split(':').next()).collect();
-        assert_eq!(keys, ["documents", "id", "vendor", "title", "link", "timing", "functions", "read", "write"]);
+        let keys: Vec<_> = found
+            .lines()
+            .filter_map(|line| line.strip_prefix("1:1 ")?.split(':').next())
+            .collect();
+        assert_eq!(
+            keys,
+            [
+                "documents",
+                "id",
+                "vendor",
+                "title",
+                "link",
+                "timing",
+                "functions",
+                "read",
+                "write"
+            ]
+        );
     }
 
     #[test]
     fn sources_are_not_checked_while_the_documents_are_missing() {
         let found = told_with(MODEL, "[documents]\nIM = \"Interface manual\"\n", "");
-        assert_eq!(found, "1:1 documents: `documents` is missing\n    right: a table `documents`\n");
+        assert_eq!(
+            found,
+            "1:1 documents: `documents` is missing\n    right: a table `documents`\n"
+        );
     }
 
     #[test]
@@ -131,20 +159,39 @@ mod tests {
         let title = "IM = \"Interface manual\"";
         let facts = MODEL.matches("confidence = \"manual\"").count();
         for (document, what, best) in [
-            ("kind = \"program\"", "a program of this model", "third-party"),
-            ("kind = \"distributor-manual\", of = [\"acme-1\"]", "a distributor-manual of this model", "second-source"),
+            (
+                "kind = \"program\"",
+                "a program of this model",
+                "third-party",
+            ),
+            (
+                "kind = \"distributor-manual\", of = [\"acme-1\"]",
+                "a distributor-manual of this model",
+                "second-source",
+            ),
         ] {
-            let found = told_with(MODEL, title, &format!("IM = {{ title = \"One\", {document} }}"));
+            let found = told_with(
+                MODEL,
+                title,
+                &format!("IM = {{ title = \"One\", {document} }}"),
+            );
             let told = format!(
                 "the source does not support \"manual\": `IM` is {what}\n    right: at best \"{best}\", or another source"
             );
             assert_eq!(found.matches(&told).count(), facts, "{found}");
             let labelled = MODEL.replace("\"manual\"", &format!("\"{best}\""));
-            model(&labelled.replace(title, &format!("IM = {{ title = \"One\", {document} }}"))).unwrap();
+            model(&labelled.replace(title, &format!("IM = {{ title = \"One\", {document} }}")))
+                .unwrap();
         }
         let of_both = "IM = { title = \"One\", kind = \"manual\", of = [\"acme-1\", \"acme-2\"] }";
-        assert_eq!(model(&MODEL.replace(title, of_both)).unwrap().documents[0].of, ["acme-1", "acme-2"]);
-        assert!(model(MODEL).unwrap().documents[0].of.is_empty(), "a title alone is a manual of this very model");
+        assert_eq!(
+            model(&MODEL.replace(title, of_both)).unwrap().documents[0].of,
+            ["acme-1", "acme-2"]
+        );
+        assert!(
+            model(MODEL).unwrap().documents[0].of.is_empty(),
+            "a title alone is a manual of this very model"
+        );
     }
 
     #[test]
@@ -158,10 +205,15 @@ mod tests {
              manual\n"
         );
         assert_eq!(found.split_once(' ').unwrap().1, expected);
-        let siblings = MODEL.replace("\"manual\"", "\"sibling\"").replace(title, of_another);
+        let siblings = MODEL
+            .replace("\"manual\"", "\"sibling\"")
+            .replace(title, of_another);
         let one = siblings.replacen("\"sibling\"", "\"manual\"", 1);
         let found = told(&model(&one).unwrap_err(), &one);
-        assert!(found.contains("`IM` is an addendum of acme-2\n    right: at best \"sibling\""), "{found}");
+        assert!(
+            found.contains("`IM` is an addendum of acme-2\n    right: at best \"sibling\""),
+            "{found}"
+        );
         model(&siblings).unwrap();
     }
 
@@ -169,10 +221,22 @@ mod tests {
     fn a_document_says_what_it_is() {
         let title = "IM = \"Interface manual\"";
         for (document, expected) in [
-            ("IM = { title = \"One\" }", "documents.IM.kind: `kind` is missing"),
-            ("IM = { title = \"One\", kind = \"manuel\" }", "documents.IM.kind: `manuel` is not an allowed value"),
-            ("IM = { title = \"One\", kind = \"manual\", of = [] }", "documents.IM.of: is empty"),
-            ("IM = { title = \"One\", kind = \"manual\", off = 1 }", "documents.IM.off: unknown key `off`"),
+            (
+                "IM = { title = \"One\" }",
+                "documents.IM.kind: `kind` is missing",
+            ),
+            (
+                "IM = { title = \"One\", kind = \"manuel\" }",
+                "documents.IM.kind: `manuel` is not an allowed value",
+            ),
+            (
+                "IM = { title = \"One\", kind = \"manual\", of = [] }",
+                "documents.IM.of: is empty",
+            ),
+            (
+                "IM = { title = \"One\", kind = \"manual\", off = 1 }",
+                "documents.IM.off: unknown key `off`",
+            ),
             ("IM = 1", "documents.IM: must be text"),
         ] {
             let found = told_with(MODEL, title, document);
@@ -185,50 +249,117 @@ mod tests {
         let forward = "forward = { value = 0xC400, confidence = \"manual\", source = \"IM 5\"";
         let also = |text: &str| format!("{forward}, also = \"{text}\"");
         let found = model(&EVERYTHING.replace(forward, &also("FN 4"))).unwrap();
-        assert_eq!((found.second_source("run.forward"), found.second_source("run.stop")), (Some("FN 4"), None));
+        assert_eq!(
+            (
+                found.second_source("run.forward"),
+                found.second_source("run.stop")
+            ),
+            (Some("FN 4"), None)
+        );
         let right = "right: an independent document, or leave it out";
         for (text, expected) in [
-            ("IM 6", format!("run.forward.also: `IM` is the document of `source`\n    {right}")),
-            ("MM 6", format!("run.forward.also: `MM` was made from the same as the document of `source`\n    {right}")),
-            ("XM 6", "run.forward.also: `XM 6` does not cite a place in a declared document".to_owned()),
-            ("FN", "run.forward.also: `FN` does not cite a place in a declared document".to_owned()),
+            (
+                "IM 6",
+                format!("run.forward.also: `IM` is the document of `source`\n    {right}"),
+            ),
+            (
+                "MM 6",
+                format!(
+                    "run.forward.also: `MM` was made from the same as the document of `source`\n    {right}"
+                ),
+            ),
+            (
+                "XM 6",
+                "run.forward.also: `XM 6` does not cite a place in a declared document".to_owned(),
+            ),
+            (
+                "FN",
+                "run.forward.also: `FN` does not cite a place in a declared document".to_owned(),
+            ),
         ] {
             let found = told_with(EVERYTHING, forward, &also(text));
-            assert!(found.contains(&expected) && found.lines().count() == 2, "{text}: {found}");
+            assert!(
+                found.contains(&expected) && found.lines().count() == 2,
+                "{text}: {found}"
+            );
         }
         // Two documents that were made from a third one are one source.
         let twin = "MM = {";
-        let twins = EVERYTHING
-            .replace(twin, &format!("M2 = {{ title = \"x\", kind = \"forum\", made_from = \"IM\" }}\n{twin}"));
-        let found = told_with(&twins, "source = \"FN 4\", also = \"MM 5\"", "source = \"M2 4\", also = \"MM 5\"");
-        assert!(found.contains("run.reverse.also: `MM` was made from the same"), "{found}");
+        let twins = EVERYTHING.replace(
+            twin,
+            &format!("M2 = {{ title = \"x\", kind = \"forum\", made_from = \"IM\" }}\n{twin}"),
+        );
+        let found = told_with(
+            &twins,
+            "source = \"FN 4\", also = \"MM 5\"",
+            "source = \"M2 4\", also = \"MM 5\"",
+        );
+        assert!(
+            found.contains("run.reverse.also: `MM` was made from the same"),
+            "{found}"
+        );
         let found = told_with(EVERYTHING, "made_from = \"IM\"", "made_from = \"AM\"");
-        assert!(found.contains("documents.MM.made_from: there is no document `AM`"), "{found}");
+        assert!(
+            found.contains("documents.MM.made_from: there is no document `AM`"),
+            "{found}"
+        );
         let default = "confidence = \"default\", source = \"cautious\"";
         let found = told_with(EVERYTHING, default, &format!("{default}, also = \"IM 2\""));
-        assert!(found.contains("timing.reply_timeout_cap.also: a default has no source"), "{found}");
+        assert!(
+            found.contains("timing.reply_timeout_cap.also: a default has no source"),
+            "{found}"
+        );
     }
 
     #[test]
     fn second_sources_are_named_by_row() {
         let register = "role = \"frequency-command\"\nmemory = \"ram\"\nrange = [0.0, 400.0]\nconfidence = \"manual\"";
-        let text =
-            EVERYTHING.replace(register, &format!("{}\nalso = \"FN 9\"", register.replace("manual", "third-party")));
+        let text = EVERYTHING.replace(
+            register,
+            &format!(
+                "{}\nalso = \"FN 9\"",
+                register.replace("manual", "third-party")
+            ),
+        );
         let found = model(&text).unwrap();
-        let keys: Vec<_> = found.second_sources.iter().map(|second| second.key.as_str()).collect();
+        let keys: Vec<_> = found
+            .second_sources
+            .iter()
+            .map(|second| second.key.as_str())
+            .collect();
         assert_eq!(keys, ["run.reverse", "register.frequency_command"]);
-        let described: Vec<_> = found.unproven_basics().iter().map(Basic::described).collect();
-        assert_eq!(described, ["the frequency command's register (third-party, two independent sources)"]);
+        let described: Vec<_> = found
+            .unproven_basics()
+            .iter()
+            .map(Basic::described)
+            .collect();
+        assert_eq!(
+            described,
+            ["the frequency command's register (third-party, two independent sources)"]
+        );
     }
 
     #[test]
     fn a_third_party_may_be_cited_but_a_default_only_for_a_time() {
         let fact = "confidence = \"third-party\", source = \"FN 2\"";
-        let found = told_with(EVERYTHING, fact, "confidence = \"default\", source = \"FN 2\"");
+        let found = told_with(
+            EVERYTHING,
+            fact,
+            "confidence = \"default\", source = \"FN 2\"",
+        );
         assert!(
-            found.contains("`default` is allowed for timings only") && found.contains("\"third-party\""),
+            found.contains("`default` is allowed for timings only")
+                && found.contains("\"third-party\""),
             "{found}"
         );
-        assert_eq!(model(EVERYTHING).unwrap().quirks.decimal_numbers.unwrap().confidence, Confidence::ThirdParty);
+        assert_eq!(
+            model(EVERYTHING)
+                .unwrap()
+                .quirks
+                .decimal_numbers
+                .unwrap()
+                .confidence,
+            Confidence::ThirdParty
+        );
     }
 }

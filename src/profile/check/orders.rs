@@ -22,36 +22,78 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
 }
 
 /// A register with the role `order` belongs to an order.
-fn named_by_an_order(places: Option<&PlacesFile>, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+fn named_by_an_order(
+    places: Option<&PlacesFile>,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     for register in registers {
-        let Some(role) = register.role.valid().filter(|role| role.value == Role::Order) else { continue };
-        let is_named = |places: &PlacesFile| places.names().any(|name| Some(name.value.as_str()) == register.name());
+        let Some(role) = register
+            .role
+            .valid()
+            .filter(|role| role.value == Role::Order)
+        else {
+            continue;
+        };
+        let is_named = |places: &PlacesFile| {
+            places
+                .names()
+                .any(|name| Some(name.value.as_str()) == register.name())
+        };
         if !places.is_some_and(is_named) {
             let problem = role.location.problem("no order names this register");
-            problems.push(problem.right("`register` of an order or of `direction` in `[run]`, or leave the role out"));
+            problems.push(problem.right(
+                "`register` of an order or of `direction` in `[run]`, or leave the role out",
+            ));
         }
     }
 }
 
 /// The register called `name` is written, in RAM as far as is known, and for nothing else.
 fn takes_an_order(name: &Spanned<String>, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let Some(register) = there(name, registers, problems) else { return };
-    let mut wrong = |what: String, right: &str| problems.push(name.location.problem(what).right(right));
-    if register.access.as_ref().is_some_and(|access| !access.value.can_write()) {
-        wrong(format!("`{}` is not writable", name.value), "a register with access \"write\" or \"read-write\"");
+    let Some(register) = there(name, registers, problems) else {
+        return;
+    };
+    let mut wrong =
+        |what: String, right: &str| problems.push(name.location.problem(what).right(right));
+    if register
+        .access
+        .as_ref()
+        .is_some_and(|access| !access.value.can_write())
+    {
+        wrong(
+            format!("`{}` is not writable", name.value),
+            "a register with access \"write\" or \"read-write\"",
+        );
     }
-    if register.memory.valid().is_some_and(|memory| memory.value == Memory::Stored) {
-        wrong(format!("`{}` is stored, and orders wear it out", name.value), "a register in RAM");
+    if register
+        .memory
+        .valid()
+        .is_some_and(|memory| memory.value == Memory::Stored)
+    {
+        wrong(
+            format!("`{}` is stored, and orders wear it out", name.value),
+            "a register in RAM",
+        );
     }
     if register.back_door.valid().is_some() {
-        wrong(format!("`{}` is a back door", name.value), "leave `back_door` out there");
+        wrong(
+            format!("`{}` is a back door", name.value),
+            "leave `back_door` out there",
+        );
     }
     match register.role.valid().map(|role| role.value) {
         None | Some(Role::Order) => {}
         Some(Role::RunCommand) => {
-            wrong(format!("`{}` takes run commands in any case", name.value), "leave it out");
+            wrong(
+                format!("`{}` takes run commands in any case", name.value),
+                "leave it out",
+            );
         }
-        Some(_) => wrong(format!("`{}` has another role", name.value), "a register without a role"),
+        Some(_) => wrong(
+            format!("`{}` has another role", name.value),
+            "a register without a role",
+        ),
     }
 }
 
@@ -63,15 +105,35 @@ fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
     let mut taken: BTreeMap<Place<'_>, &Location> = BTreeMap::new();
     for (kind, word) in run.words() {
         let register = run.places.named(kind).map(|name| name.value.as_str());
-        let Some(first) = taken.insert((register, word.value), &word.location) else { continue };
-        let what = format!("the word {} is taken by {}", run.shown(word.value), first.key);
-        problems.push(word.location.problem(what).right("a word that no other run command uses"));
+        let Some(first) = taken.insert((register, word.value), &word.location) else {
+            continue;
+        };
+        let what = format!(
+            "the word {} is taken by {}",
+            run.shown(word.value),
+            first.key
+        );
+        problems.push(
+            word.location
+                .problem(what)
+                .right("a word that no other run command uses"),
+        );
     }
-    if let Some(direction) = run.places.direction.as_ref().and_then(|fact| fact.value.as_ref())
+    if let Some(direction) = run
+        .places
+        .direction
+        .as_ref()
+        .and_then(|fact| fact.value.as_ref())
         && let Some(name) = direction.value.register.as_ref()
-        && run.places.registers.iter().any(|(_, other)| other.value == name.value)
+        && run
+            .places
+            .registers
+            .iter()
+            .any(|(_, other)| other.value == name.value)
     {
-        let problem = name.location.problem(format!("`{}` takes an order", name.value));
+        let problem = name
+            .location
+            .problem(format!("`{}` takes an order", name.value));
         problems.push(problem.right("a register of its own for the direction"));
     }
 }
@@ -80,28 +142,64 @@ fn words_differ(run: &RunFile, problems: &mut Vec<Problem>) {
 fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
     let name = |kind| run.places.named(kind).map(|name| name.value.as_str());
     let stop = name(OrderKind::Stop);
-    let is_of_bits = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
-    let runs = [(OrderKind::Forward, true), (OrderKind::Reverse, run.reverse.is_some())];
-    let runs: Vec<_> = runs.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind).collect();
+    let is_of_bits = run
+        .form
+        .as_ref()
+        .is_some_and(|form| form.value == FormWord::Bits);
+    let runs = [
+        (OrderKind::Forward, true),
+        (OrderKind::Reverse, run.reverse.is_some()),
+    ];
+    let runs: Vec<_> = runs
+        .into_iter()
+        .filter(|(_, is_there)| *is_there)
+        .map(|(kind, _)| kind)
+        .collect();
     let together = runs.iter().filter(|kind| name(**kind) == stop).count();
     let elsewhere = runs.iter().find(|kind| name(**kind) != stop);
-    let Some(first) = elsewhere.filter(|_| together > 0 || is_of_bits) else { return };
-    let Some(location) = [*first, OrderKind::Stop].into_iter().find_map(|kind| run.places.named(kind)) else { return };
-    let what = format!("a stop does not replace the word of {}, which stays in its register", first.word());
+    let Some(first) = elsewhere.filter(|_| together > 0 || is_of_bits) else {
+        return;
+    };
+    let Some(location) = [*first, OrderKind::Stop]
+        .into_iter()
+        .find_map(|kind| run.places.named(kind))
+    else {
+        return;
+    };
+    let what = format!(
+        "a stop does not replace the word of {}, which stays in its register",
+        first.word()
+    );
     let right = "stop, forward and reverse in one register, or with form = \"values\" a stop in one of its own";
     problems.push(location.location.problem(what).right(right));
 }
 
 /// The direction is given by two different words, and by nothing else.
 fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
-    let Some(direction) = run.places.direction.as_ref().and_then(|fact| fact.value.as_ref()) else { return };
+    let Some(direction) = run
+        .places
+        .direction
+        .as_ref()
+        .and_then(|fact| fact.value.as_ref())
+    else {
+        return;
+    };
     let forward = direction.value.forward.as_ref().map(|word| word.value);
-    if let Some(reverse) = direction.value.reverse.valid().filter(|reverse| Some(reverse.value) == forward) {
-        let problem = reverse.location.problem(format!("{} is also the word for forward", reverse.value));
+    if let Some(reverse) = direction
+        .value
+        .reverse
+        .valid()
+        .filter(|reverse| Some(reverse.value) == forward)
+    {
+        let problem = reverse
+            .location
+            .problem(format!("{} is also the word for forward", reverse.value));
         problems.push(problem.right("two different words"));
     }
     if let Some(reverse) = run.reverse.as_ref().and_then(|fact| fact.value.as_ref()) {
-        let problem = reverse.location.problem("`direction` says how reverse is ordered");
+        let problem = reverse
+            .location
+            .problem("`direction` says how reverse is ordered");
         problems.push(problem.right("leave `reverse` out, or `direction`"));
     }
 }
@@ -109,9 +207,25 @@ fn direction_is_whole(run: &RunFile, problems: &mut Vec<Problem>) {
 /// A direction that the sign of the setpoint orders is ordered by nothing else, and every register of the setpoint has
 /// that sign.
 fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let Some(by_sign) = run.places.reverse_by.as_ref().and_then(|fact| fact.value.as_ref()) else { return };
-    let reverse = run.reverse.as_ref().and_then(|fact| fact.value.as_ref()).map(|word| &word.location);
-    let direction = run.places.direction.as_ref().and_then(|fact| fact.value.as_ref()).map(|it| &it.location);
+    let Some(by_sign) = run
+        .places
+        .reverse_by
+        .as_ref()
+        .and_then(|fact| fact.value.as_ref())
+    else {
+        return;
+    };
+    let reverse = run
+        .reverse
+        .as_ref()
+        .and_then(|fact| fact.value.as_ref())
+        .map(|word| &word.location);
+    let direction = run
+        .places
+        .direction
+        .as_ref()
+        .and_then(|fact| fact.value.as_ref())
+        .map(|it| &it.location);
     for (location, key) in [(reverse, "reverse"), (direction, "direction")] {
         let Some(location) = location else { continue };
         let problem = location.problem("`reverse_by` says how reverse is ordered");
@@ -119,23 +233,37 @@ fn sign_can_be_ordered(run: &RunFile, registers: &[RegisterFile], problems: &mut
     }
     let of_setpoint = |register: &&RegisterFile| {
         let role = register.role.valid().map(|role| role.value);
-        let is_shown = register.access.as_ref().is_none_or(|access| access.value.can_read());
+        let is_shown = register
+            .access
+            .as_ref()
+            .is_none_or(|access| access.value.can_read());
         role == Some(Role::FrequencyCommand) || (role == Some(Role::FrequencySetting) && is_shown)
     };
     for register in registers.iter().filter(of_setpoint) {
         let name = register.name().unwrap_or_default();
         if !matches!(register.form.direction.0, OptionalKey::Absent) {
             if let Some(words) = register.form.words.valid().filter(|words| words.value == 2) {
-                let problem = words.location.problem("a setpoint whose sign is the direction is one word");
+                let problem = words
+                    .location
+                    .problem("a setpoint whose sign is the direction is one word");
                 problems.push(problem.right("a register of one word, or leave `reverse_by` out"));
             }
         } else {
-            let problem = by_sign.location.problem(format!("the sign of `{name}` is no direction"));
+            let problem = by_sign
+                .location
+                .problem(format!("the sign of `{name}` is no direction"));
             let right = "`signed = true` and `direction = \"sign\"` there, if the documents say so";
             problems.push(problem.right(right));
         }
-        if let Some(from) = register.form.full_scale.valid().and_then(|scale| scale.value.from.valid()) {
-            let problem = from.location.problem("0 is not 0 Hz there, so that the sign is no direction");
+        if let Some(from) = register
+            .form
+            .full_scale
+            .valid()
+            .and_then(|scale| scale.value.from.valid())
+        {
+            let problem = from
+                .location
+                .problem("0 is not 0 Hz there, so that the sign is no direction");
             problems.push(problem.right("leave it out, or `reverse_by`"));
         }
     }
@@ -164,9 +292,13 @@ mod tests {
         const SIGNED: &str = include_str!("../../../tests/golden/models/signed.toml");
         let model = check::model(SIGNED).unwrap();
         let run = model.run.as_ref().unwrap();
-        assert_eq!(run.reverse.as_ref().map(|fact| fact.value), Some(run.forward.value));
+        assert_eq!(
+            run.reverse.as_ref().map(|fact| fact.value),
+            Some(run.forward.value)
+        );
         let by = "reverse_by = { value = \"sign\", confidence = \"manual\", source = \"IM 5\" }\n";
-        let reverse = format!("{by}reverse = {{ value = 2, confidence = \"manual\", source = \"IM 5\" }}\n");
+        let reverse =
+            format!("{by}reverse = {{ value = 2, confidence = \"manual\", source = \"IM 5\" }}\n");
         let direction = format!(
             "{by}direction = {{ register = \"turn\", forward = 0, reverse = 1, confidence = \"manual\", source = \"IM 5\" }}\n"
         );
@@ -199,7 +331,10 @@ mod tests {
             (
                 SIGNED,
                 sign,
-                &sign.replace("scale = 100", "words = 2\nword_order = \"low-first\"\nscale = 100"),
+                &sign.replace(
+                    "scale = 100",
+                    "words = 2\nword_order = \"low-first\"\nscale = 100",
+                ),
                 "is one word",
             ),
             (
@@ -208,7 +343,12 @@ mod tests {
                 setting,
                 "the sign of `setting` is no direction -> `signed = true` and",
             ),
-            (SIGNED, "\"sign\", confidence", "\"bit\", confidence", "run.reverse_by.value: "),
+            (
+                SIGNED,
+                "\"sign\", confidence",
+                "\"bit\", confidence",
+                "run.reverse_by.value: ",
+            ),
         ] {
             let found = told_with(text, from, to).replace("\n    right: ", " -> ");
             assert!(found.contains(expected), "{to}: {found}");
@@ -218,10 +358,21 @@ mod tests {
     #[test]
     fn reverse_by_the_sign_is_as_sure_as_the_sign() {
         const SIGNED: &str = include_str!("../../../tests/golden/models/signed.toml");
-        let sure = |text: &str| check::model(text).unwrap().run.unwrap().reverse.unwrap().confidence;
+        let sure = |text: &str| {
+            check::model(text)
+                .unwrap()
+                .run
+                .unwrap()
+                .reverse
+                .unwrap()
+                .confidence
+        };
         assert_eq!(sure(SIGNED), Confidence::Manual);
-        let unstated =
-            SIGNED.replacen("role = \"frequency-command\"", "role = \"frequency-command\"\nnot_stated = [\"sign\"]", 1);
+        let unstated = SIGNED.replacen(
+            "role = \"frequency-command\"",
+            "role = \"frequency-command\"\nnot_stated = [\"sign\"]",
+            1,
+        );
         assert_eq!(sure(&unstated), Confidence::Inferred);
     }
 
@@ -229,14 +380,26 @@ mod tests {
     fn an_order_goes_to_a_register_that_takes_it() {
         let reset = |register: &str| RESET.replace("fault_reset", register);
         each_is_told(&[
-            (RESET, &reset("fault_rest"), "there is no register called `fault_rest` -> `fault_reset`"),
-            (RESET, &reset("status"), "run.reset.register: `status` is not writable -> a register with access"),
+            (
+                RESET,
+                &reset("fault_rest"),
+                "there is no register called `fault_rest` -> `fault_reset`",
+            ),
+            (
+                RESET,
+                &reset("status"),
+                "run.reset.register: `status` is not writable -> a register with access",
+            ),
             (
                 RESET,
                 &reset("frequency_command"),
                 "run.reset.register: `frequency_command` has another role -> a register without a role",
             ),
-            (RESET, &reset("run"), "run.reset.register: `run` takes run commands in any case -> leave it out"),
+            (
+                RESET,
+                &reset("run"),
+                "run.reset.register: `run` takes run commands in any case -> leave it out",
+            ),
             (
                 "access = \"read-write\"\nmemory = \"ram\"",
                 "access = \"read-write\"\nmemory = \"stored\"",
@@ -249,8 +412,15 @@ mod tests {
             ),
         ]);
         let role = "access = \"read\"\nrole = \"order\"";
-        let found = told_with(MODEL, "access = \"read\"\nrole = \"output-frequency\"", role);
-        assert!(found.contains("register[0].role: no order names this register"), "{found}");
+        let found = told_with(
+            MODEL,
+            "access = \"read\"\nrole = \"output-frequency\"",
+            role,
+        );
+        assert!(
+            found.contains("register[0].role: no order names this register"),
+            "{found}"
+        );
     }
 
     #[test]
@@ -269,7 +439,10 @@ mod tests {
         ]);
         check::model(&ORDERS.replace("    { value = 8,", "    { value = 7,")).unwrap();
         let found = told_with(ORDERS, "    { value = 8,", "    { value = 1,");
-        assert!(found.contains("run.never[0].value: the word 1 is the command run.forward.value"), "{found}");
+        assert!(
+            found.contains("run.never[0].value: the word 1 is the command run.forward.value"),
+            "{found}"
+        );
     }
 
     #[test]
@@ -277,16 +450,23 @@ mod tests {
         let wrong = "a stop does not replace the word of forward, which stays in its register";
         let reverse = "reverse = { value = 3, confidence = \"manual\", source = \"IM 5\" }\n";
         let separate = "forward = { register = \"fault_reset\", value = 4,";
-        let text = ORDERS.replace("direction = {", "# direction = {").replace("\"direction\"", "\"d\"");
-        let text = text.replace("coast = { value = 2,", &format!("{reverse}coast = {{ value = 2,"));
+        let text = ORDERS
+            .replace("direction = {", "# direction = {")
+            .replace("\"direction\"", "\"d\"");
+        let text = text.replace(
+            "coast = { value = 2,",
+            &format!("{reverse}coast = {{ value = 2,"),
+        );
         check::model(&text).unwrap();
         let found = told_with(&text, "forward = { value = 1,", separate);
         assert!(found.contains(wrong), "{found}");
-        let apart = text.replace("reverse = { value", "reverse = { register = \"fault_reset\", value");
+        let apart = text.replace(
+            "reverse = { value",
+            "reverse = { register = \"fault_reset\", value",
+        );
         check::model(&apart.replace("forward = { value = 1,", separate)).unwrap();
         // Bits are states: a stop elsewhere leaves them set.
-        let bits =
-            "form = \"bits\"\nbit = [{ bit = 0, meaning = \"run\", confidence = \"manual\", source = \"IM 5\" }]";
+        let bits = "form = \"bits\"\nbit = [{ bit = 0, meaning = \"run\", confidence = \"manual\", source = \"IM 5\" }]";
         let apart = apart.replace("forward = { value = 1,", separate);
         let found = told_with(&apart, "form = \"values\"", bits);
         assert!(found.contains(wrong), "{found}");

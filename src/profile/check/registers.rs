@@ -8,8 +8,13 @@ use crate::profile::register::{RegisterFile, addresses_fit, codes_fit, distinct}
 use crate::toml_file::{OptionalKey, Spanned};
 
 /// Roles whose values may be in percent of the drive's rated values.
-const RATED: [Role; 5] =
-    [Role::OutputCurrent, Role::OutputVoltage, Role::TripCurrent, Role::DcLinkVoltage, Role::TripDcLinkVoltage];
+const RATED: [Role; 5] = [
+    Role::OutputCurrent,
+    Role::OutputVoltage,
+    Role::TripCurrent,
+    Role::DcLinkVoltage,
+    Role::TripDcLinkVoltage,
+];
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     distinct(&[], &file.registers, problems);
@@ -28,22 +33,46 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         OptionalKey::Valid(quirks) => &quirks.value,
     };
     percent_is_of_something(quirks, &file.registers, problems);
-    let alias_bit = quirks.stored_alias_bit.as_ref().and_then(|fact| Some(fact.value.as_ref()?.value));
-    addresses_fit(quirks.decimal_numbers.is_some(), alias_bit, &file.registers, problems);
+    let alias_bit = quirks
+        .stored_alias_bit
+        .as_ref()
+        .and_then(|fact| Some(fact.value.as_ref()?.value));
+    addresses_fit(
+        quirks.decimal_numbers.is_some(),
+        alias_bit,
+        &file.registers,
+        problems,
+    );
 }
 
 /// Registers of `role` are writable, not stored, and not back doors.
 fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    for register in registers.iter().filter(|it| it.role.valid().is_some_and(|it| it.value == role)) {
-        if let Some(access) = register.access.as_ref().filter(|access| !access.value.can_write()) {
-            let problem = access.location.problem("a command register must be writable");
+    for register in registers
+        .iter()
+        .filter(|it| it.role.valid().is_some_and(|it| it.value == role))
+    {
+        if let Some(access) = register
+            .access
+            .as_ref()
+            .filter(|access| !access.value.can_write())
+        {
+            let problem = access
+                .location
+                .problem("a command register must be writable");
             problems.push(problem.right("a register that the documents show being written"));
         }
         // Whether a setpoint has a form in RAM is checked with `ram_alias`.
         let is_run = role == Role::RunCommand;
-        if let Some(memory) = register.memory.valid().filter(|memory| is_run && memory.value == Memory::Stored) {
-            let problem = memory.location.problem("frequent commands wear out a stored register");
-            problems.push(problem.right("a register that is not stored, if the documents name one"));
+        if let Some(memory) = register
+            .memory
+            .valid()
+            .filter(|memory| is_run && memory.value == Memory::Stored)
+        {
+            let problem = memory
+                .location
+                .problem("frequent commands wear out a stored register");
+            problems
+                .push(problem.right("a register that is not stored, if the documents name one"));
         }
         if let OptionalKey::Valid(Spanned { location, .. }) = &register.back_door {
             let problem = location.problem("a command register cannot be a back door");
@@ -55,14 +84,27 @@ fn takes_commands(role: Role, registers: &[RegisterFile], problems: &mut Vec<Pro
 /// A drive may be deaf after a write of a parameter only: after an order it could not be stopped.
 fn deafness_is_bearable(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in registers {
-        let Some(deaf) = register.deaf_after.valid() else { continue };
-        if register.access.as_ref().is_some_and(|access| !access.value.can_write()) {
+        let Some(deaf) = register.deaf_after.valid() else {
+            continue;
+        };
+        if register
+            .access
+            .as_ref()
+            .is_some_and(|access| !access.value.can_write())
+        {
             let problem = deaf.location.problem("the register cannot be written");
             problems.push(problem.right("leave it out, or use access \"write\" or \"read-write\""));
         }
-        if register.role.valid().is_some_and(|role| matches!(role.value, Role::RunCommand | Role::FrequencyCommand)) {
-            let problem = deaf.location.problem("a drive that is deaf after each order cannot be stopped");
-            problems.push(problem.right("leave it out; after a reset, the quirk `deaf_after_reset`"));
+        if register
+            .role
+            .valid()
+            .is_some_and(|role| matches!(role.value, Role::RunCommand | Role::FrequencyCommand))
+        {
+            let problem = deaf
+                .location
+                .problem("a drive that is deaf after each order cannot be stopped");
+            problems
+                .push(problem.right("leave it out; after a reset, the quirk `deaf_after_reset`"));
         }
     }
 }
@@ -70,19 +112,44 @@ fn deafness_is_bearable(registers: &[RegisterFile], problems: &mut Vec<Problem>)
 /// An energy counter is read again and again, in a unit of energy that is stated.
 fn energy_is_counted(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in registers {
-        let Some(role) = register.role.valid().filter(|role| role.value == Role::Energy) else { continue };
-        let is_energy = |unit| matches!(unit, UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour);
+        let Some(role) = register
+            .role
+            .valid()
+            .filter(|role| role.value == Role::Energy)
+        else {
+            continue;
+        };
+        let is_energy = |unit| {
+            matches!(
+                unit,
+                UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour
+            )
+        };
         if let Some(unit) = register.unit.as_ref().filter(|unit| !is_energy(unit.value)) {
-            problems.push(unit.location.problem("an energy counter counts energy").right("unit = \"kWh\" or \"MWh\""));
+            problems.push(
+                unit.location
+                    .problem("an energy counter counts energy")
+                    .right("unit = \"kWh\" or \"MWh\""),
+            );
         }
         if matches!(register.poll, OptionalKey::Absent) {
-            let problem = role.location.problem("an energy counter that is not polled counts nothing");
+            let problem = role
+                .location
+                .problem("an energy counter that is not polled counts nothing");
             problems.push(problem.right("poll = \"minutely\""));
         }
         let not_stated = register.not_stated.valid().map(|parts| parts.value.iter());
-        if let Some(scale) = not_stated.into_iter().flatten().find(|part| part.value == FactPart::Scale) {
-            let problem = scale.location.problem("the scale of an energy counter must be stated");
-            problems.push(problem.right("leave the role out: energy is then summed up from the output power"));
+        if let Some(scale) = not_stated
+            .into_iter()
+            .flatten()
+            .find(|part| part.value == FactPart::Scale)
+        {
+            let problem = scale
+                .location
+                .problem("the scale of an energy counter must be stated");
+            problems.push(
+                problem.right("leave the role out: energy is then summed up from the output power"),
+            );
         }
     }
 }
@@ -90,25 +157,45 @@ fn energy_is_counted(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
 /// What proves that the drive is one of its model is one plain word that is read while the drive is there.
 fn plausible_is_seen(registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in registers {
-        let Some(plausible) = register.plausible.valid() else { continue };
-        let is_polled = register.poll.valid().is_some_and(|poll| poll.value.is_live());
+        let Some(plausible) = register.plausible.valid() else {
+            continue;
+        };
+        let is_polled = register
+            .poll
+            .valid()
+            .is_some_and(|poll| poll.value.is_live());
         if !is_polled && !matches!(register.poll, OptionalKey::Invalid) {
-            let problem = plausible.location.problem("it is not seen when the drive comes into sight");
-            problems.push(problem.right("poll = \"slow\", \"second\" or \"fast\" there, or leave it out"));
+            let problem = plausible
+                .location
+                .problem("it is not seen when the drive comes into sight");
+            problems.push(
+                problem.right("poll = \"slow\", \"second\" or \"fast\" there, or leave it out"),
+            );
         }
         if register.form.is_pair()
             || register.form.full_scale.valid().is_some()
             || register.form.scale_by.valid().is_some()
         {
-            let problem = plausible.location.problem("a range is plain numbers of one word");
+            let problem = plausible
+                .location
+                .problem("a range is plain numbers of one word");
             problems.push(problem.right("a register of one word with a scale of its own"));
         }
     }
 }
 
 /// Values in percent require the quirk `percent_of_rated`, and the quirk requires such values.
-fn percent_is_of_something(quirks: &QuirksFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let is_rated = |register: &&RegisterFile| register.role.valid().is_some_and(|role| RATED.contains(&role.value));
+fn percent_is_of_something(
+    quirks: &QuirksFile,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
+    let is_rated = |register: &&RegisterFile| {
+        register
+            .role
+            .valid()
+            .is_some_and(|role| RATED.contains(&role.value))
+    };
     let in_percent: Vec<_> = registers
         .iter()
         .filter(is_rated)
@@ -254,13 +341,21 @@ mod tests {
         )]);
         let rule = "groups = { P = 0x01, U = 0x30 }\nseparator = \".\"";
         each_is_told(&[
-            (rule, "", "codes: has no rule -> either `groups` or `form`, \"hexadecimal\" or \"linear\""),
+            (
+                rule,
+                "",
+                "codes: has no rule -> either `groups` or `form`, \"hexadecimal\" or \"linear\"",
+            ),
             (
                 "separator = \".\"",
                 "form = \"hexadecimal\"",
                 "codes: has two rules -> either `groups` or `form`, \"hexadecimal\" or \"linear\"",
             ),
-            (rule, "groups = {}", "codes.groups: is empty -> at least one group with its high byte"),
+            (
+                rule,
+                "groups = {}",
+                "codes.groups: is empty -> at least one group with its high byte",
+            ),
             (
                 "separator = \".\"",
                 "separator = \".\"\noffset = -1",
@@ -273,6 +368,9 @@ mod tests {
             ),
         ]);
         let found = told_with(EVERYTHING, "groups = { P = 0x01", "groups = { P = 256");
-        assert!(found.contains("codes.groups.P: 256 is out of range\n"), "{found}");
+        assert!(
+            found.contains("codes.groups.P: 256 is out of range\n"),
+            "{found}"
+        );
     }
 }

@@ -47,25 +47,45 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
         }
         return;
     };
-    let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else { return };
-    let ends_with_stop = run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits);
+    let (Some(reset), Some(stop)) = (&reset.value, &run.stop.value) else {
+        return;
+    };
+    let ends_with_stop = run
+        .form
+        .as_ref()
+        .is_some_and(|form| form.value == FormWord::Bits);
     let mut example = vec![run.shown(stop.value), run.shown(reset.value)];
     example.extend(ends_with_stop.then(|| run.shown(stop.value)));
-    let right = format!("[{}], or up to {WORDS_MAX} words of these only", example.join(", "));
+    let right = format!(
+        "[{}], or up to {WORDS_MAX} words of these only",
+        example.join(", ")
+    );
     match &run.reset_sequence {
         OptionalKey::Absent => {
             let what = "`reset_sequence` is left out, and `reset` is given";
-            problems.push(location.missing("reset_sequence").problem(what).right(right));
+            problems.push(
+                location
+                    .missing("reset_sequence")
+                    .problem(what)
+                    .right(right),
+            );
         }
         OptionalKey::Invalid => {}
         OptionalKey::Valid(sequence) => {
-            let Some(parts) = parts(&sequence.value, run) else { return };
+            let Some(parts) = parts(&sequence.value, run) else {
+                return;
+            };
             let framed = parts.first() == Some(&Some(Part::Stop))
                 && (!ends_with_stop || parts.last() == Some(&Some(Part::Stop)));
             let only = parts.iter().all(Option::is_some) && parts.contains(&Some(Part::Reset));
             if !(framed && only && parts.len() <= WORDS_MAX) {
-                let end = if ends_with_stop { " and ends with one" } else { "" };
-                let what = format!("a reset starts with a stop{end}, and contains only stop and reset");
+                let end = if ends_with_stop {
+                    " and ends with one"
+                } else {
+                    ""
+                };
+                let what =
+                    format!("a reset starts with a stop{end}, and contains only stop and reset");
                 problems.push(sequence.location.problem(what).right(right));
             }
         }
@@ -74,21 +94,42 @@ fn reset_is_framed(run: &RunFile, location: &Location, problems: &mut Vec<Proble
 
 /// A reset in a register of its own starts with a stop, and the word that it leaves there is `clear`, if that is given.
 fn reset_apart_is_framed(run: &RunFile, problems: &mut Vec<Problem>) {
-    let OptionalKey::Valid(sequence) = &run.reset_sequence else { return };
-    let Some(parts) = parts(&sequence.value, run) else { return };
-    let end = if run.places.clear.is_some() { Part::Clear } else { Part::Reset };
+    let OptionalKey::Valid(sequence) = &run.reset_sequence else {
+        return;
+    };
+    let Some(parts) = parts(&sequence.value, run) else {
+        return;
+    };
+    let end = if run.places.clear.is_some() {
+        Part::Clear
+    } else {
+        Part::Reset
+    };
     let framed = parts.first() == Some(&Some(Part::Stop)) && parts.last() == Some(&Some(end));
     let only = parts.iter().all(Option::is_some) && parts.contains(&Some(Part::Reset));
     if framed && only && parts.len() <= WORDS_MAX {
         return;
     }
-    let name = run.places.named(OrderKind::Reset).map_or("", |name| &name.value);
-    let words = run.reset.iter().filter_map(|fact| fact.value.as_ref()).chain(&run.places.clear);
-    let table = |word: &Spanned<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
+    let name = run
+        .places
+        .named(OrderKind::Reset)
+        .map_or("", |name| &name.value);
+    let words = run
+        .reset
+        .iter()
+        .filter_map(|fact| fact.value.as_ref())
+        .chain(&run.places.clear);
+    let table =
+        |word: &Spanned<u16>| format!("{{ register = \"{name}\", value = {} }}", word.value);
     let stop = run.stop.value.iter().map(|word| run.shown(word.value));
     let example: Vec<_> = stop.chain(words.map(table)).collect();
-    let problem = sequence.location.problem("a reset in a register of its own is a stop, the reset and `clear`");
-    let right = format!("leave it out, or [{}], or up to {WORDS_MAX} of these only", example.join(", "));
+    let problem = sequence
+        .location
+        .problem("a reset in a register of its own is a stop, the reset and `clear`");
+    let right = format!(
+        "leave it out, or [{}], or up to {WORDS_MAX} of these only",
+        example.join(", ")
+    );
     problems.push(problem.right(right));
 }
 
@@ -118,23 +159,38 @@ fn parts(steps: &[ResetStepFile], run: &RunFile) -> Option<Vec<Option<Part>>> {
 
 /// Only a reset in a register of its own is cleared there; elsewhere the stop clears it.
 fn reset_is_cleared(run: &RunFile, problems: &mut Vec<Problem>) {
-    let Some(clear) = &run.places.clear else { return };
+    let Some(clear) = &run.places.clear else {
+        return;
+    };
     let Some(register) = run.places.named(OrderKind::Reset) else {
-        let problem = clear.location.problem("only a register of the reset alone is cleared");
+        let problem = clear
+            .location
+            .problem("only a register of the reset alone is cleared");
         return problems.push(problem.right("`register` beside it, or `reset_sequence`"));
     };
     let is_same = |kind| run.places.named(kind).map(|name| &name.value) == Some(&register.value);
-    if run.words().any(|(kind, word)| is_same(kind) && word.value == clear.value) {
-        let problem = clear.location.problem(format!("the word {} is an order in this register", clear.value));
+    if run
+        .words()
+        .any(|(kind, word)| is_same(kind) && word.value == clear.value)
+    {
+        let problem = clear.location.problem(format!(
+            "the word {} is an order in this register",
+            clear.value
+        ));
         problems.push(problem.right("a word that orders nothing"));
     }
 }
 
 fn pauses_are_bounded(sequence: &Spanned<Vec<ResetStepFile>>, problems: &mut Vec<Problem>) {
-    let waits = sequence.value.iter().filter_map(|step| Some(step.wait.valid()?.value));
+    let waits = sequence
+        .value
+        .iter()
+        .filter_map(|step| Some(step.wait.valid()?.value));
     let all: Duration = waits.sum();
     if all > WAITS_MAX {
-        let problem = sequence.location.problem(format!("a reset with pauses of {}", duration_text(all)));
+        let problem = sequence
+            .location
+            .problem(format!("a reset with pauses of {}", duration_text(all)));
         problems.push(problem.right(format!("at most {} together", duration_text(WAITS_MAX))));
     }
     if let Some(wait) = sequence.value.last().and_then(|step| step.wait.valid()) {
@@ -167,7 +223,11 @@ mod tests {
                         right: leave it out, or [0, { register = \"fault_reset\", value = 1 }, \
                         { register = \"fault_reset\", value = 0 }], or up to 8 of these only";
         let run = "{ register = \"run\", value = 1 }";
-        for wrong in [format!("[0, {set}]"), format!("[{set}, {clear}]"), format!("[0, {run}, {clear}]")] {
+        for wrong in [
+            format!("[0, {set}]"),
+            format!("[{set}, {clear}]"),
+            format!("[0, {run}, {clear}]"),
+        ] {
             let found = told_with(&apart(&wrong), "id =", "id =");
             assert!(found.contains(expected), "{wrong}: {found}");
         }
@@ -177,15 +237,30 @@ mod tests {
     fn a_pause_stands_between_two_words_and_is_bounded() {
         let told = |step: &str| told_with(BY_TIME, STEP, step).replace("\n    right: ", " -> ");
         for (step, expected) in [
-            ("{ value = 0x04FE, wait = \"30s\" }", "run.reset_sequence[1].wait: "),
-            ("{ wait = \"1s\" }", "run.reset_sequence[1].value: `value` is missing"),
-            ("{ value = 0x04FE, waits = \"1s\" }", "unknown key `waits` -> `wait`"),
-            ("\"0x04FE\"", "run.reset_sequence[1]: must be a whole number, not text -> a whole number"),
+            (
+                "{ value = 0x04FE, wait = \"30s\" }",
+                "run.reset_sequence[1].wait: ",
+            ),
+            (
+                "{ wait = \"1s\" }",
+                "run.reset_sequence[1].value: `value` is missing",
+            ),
+            (
+                "{ value = 0x04FE, waits = \"1s\" }",
+                "unknown key `waits` -> `wait`",
+            ),
+            (
+                "\"0x04FE\"",
+                "run.reset_sequence[1]: must be a whole number, not text -> a whole number",
+            ),
             (
                 "{ value = 0x047F }, 0x04FE",
                 "run.reset_sequence: a reset starts with a stop, and contains only stop and reset",
             ),
-            ("{ register = \"status\", value = 0x04FE }", "run.reset_sequence: a reset starts with a stop"),
+            (
+                "{ register = \"status\", value = 0x04FE }",
+                "run.reset_sequence: a reset starts with a stop",
+            ),
             (
                 "{ value = 0x04FE, wait = \"9s\" }, { value = 0x04FE, wait = \"9s\" }, { value = 0x04FE, wait = \"9s\" }",
                 "run.reset_sequence: a reset with pauses of 27s -> at most 20s together",

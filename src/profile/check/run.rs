@@ -7,7 +7,12 @@ use crate::profile::model::Role;
 use crate::profile::register::RegisterFile;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
-pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
+pub(super) fn check(
+    run: &RunFile,
+    location: &Location,
+    registers: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     forbidden_words_are_no_commands(run, problems);
     reset::check(run, location, problems);
     match run.form.as_ref().map(|form| form.value) {
@@ -22,10 +27,24 @@ pub(super) fn check(run: &RunFile, location: &Location, registers: &[RegisterFil
 
 /// No command uses a forbidden word.
 fn forbidden_words_are_no_commands(run: &RunFile, problems: &mut Vec<Problem>) {
-    for (register, Spanned { value: never, location }) in run.never() {
+    for (
+        register,
+        Spanned {
+            value: never,
+            location,
+        },
+    ) in run.never()
+    {
         let is_there = |kind| run.places.named(kind).map(|name| name.value.as_str()) == register;
-        if let Some((_, word)) = run.words().find(|(kind, word)| word.value == *never && is_there(*kind)) {
-            let what = format!("the word {} is the command {}", run.shown(*never), word.location.key);
+        if let Some((_, word)) = run
+            .words()
+            .find(|(kind, word)| word.value == *never && is_there(*kind))
+        {
+            let what = format!(
+                "the word {} is the command {}",
+                run.shown(*never),
+                word.location.key
+            );
             problems.push(location.problem(what).right("a word that is not a command"));
         }
     }
@@ -59,21 +78,40 @@ mod tests {
         let stop = fact(0);
         let forward = fact(1);
         let reset = fact(4);
-        let run = format!("[run]\nform = \"values\"\nstop = {stop}\nforward = {forward}\nreset = {reset}\n{more}\n");
+        let run = format!(
+            "[run]\nform = \"values\"\nstop = {stop}\nforward = {forward}\nreset = {reset}\n{more}\n"
+        );
         let register = "[[register]]\nname = \"run\"\ntitle = \"Run\"\naddress = 2\nscale = 1\nunit = \"-\"\n\
                         access = \"write\"\nrole = \"run-command\"\nconfidence = \"manual\"\nsource = \"IM 1\"\n\n";
-        told_with(MODEL, "[[register]]", &format!("{run}\n{register}[[register]]\nnonsense = 1"))
+        told_with(
+            MODEL,
+            "[[register]]",
+            &format!("{run}\n{register}[[register]]\nnonsense = 1"),
+        )
     }
 
     #[test]
     fn a_reset_starts_with_a_stop_and_holds_no_order_to_run() {
         let nine = "reset_sequence = [0, 4, 4, 4, 4, 4, 4, 4, 4]";
-        let wrong = ["", "reset_sequence = [4]", "reset_sequence = [0, 4, 1]", "reset_sequence = [0, 0, 0]", nine];
+        let wrong = [
+            "",
+            "reset_sequence = [4]",
+            "reset_sequence = [0, 4, 1]",
+            "reset_sequence = [0, 0, 0]",
+            nine,
+        ];
         for wrong in wrong {
             let found = told_of_values(wrong);
-            assert!(found.contains("right: [0, 4], or up to 8 words"), "{wrong}: {found}");
+            assert!(
+                found.contains("right: [0, 4], or up to 8 words"),
+                "{wrong}: {found}"
+            );
         }
-        for right in ["reset_sequence = [0, 4]", "reset_sequence = [0, 4, 0]", "reset_sequence = [0, 0, 4, 4, 0, 4]"] {
+        for right in [
+            "reset_sequence = [0, 4]",
+            "reset_sequence = [0, 4, 0]",
+            "reset_sequence = [0, 0, 4, 4, 0, 4]",
+        ] {
             let found = told_of_values(right);
             assert!(!found.contains("run"), "{right}: {found}");
         }
@@ -83,12 +121,22 @@ mod tests {
     fn with_bits_a_reset_ends_with_a_stop() {
         let expected = "run.reset_sequence: a reset starts with a stop and ends with one, and contains only stop and \
                         reset -> [0xC000, 0xE000, 0xC000], or up to 8 words of these only";
-        for wrong in ["[0xC000, 0xE000]", "[0xE000, 0xC000]", "[0xC000, 0xE000, 0x0000, 0xC000]"] {
+        for wrong in [
+            "[0xC000, 0xE000]",
+            "[0xE000, 0xC000]",
+            "[0xC000, 0xE000, 0x0000, 0xC000]",
+        ] {
             each_is_told(&[(SEQUENCE, &format!("reset_sequence = {wrong}"), expected)]);
         }
-        let found =
-            told_with(EVERYTHING, "reset = { value = 0xE000, confidence = \"inferred\", source = \"IM 5\" }", "");
-        assert!(found.contains("run.reset_sequence: `reset` is missing"), "{found}");
+        let found = told_with(
+            EVERYTHING,
+            "reset = { value = 0xE000, confidence = \"inferred\", source = \"IM 5\" }",
+            "",
+        );
+        assert!(
+            found.contains("run.reset_sequence: `reset` is missing"),
+            "{found}"
+        );
     }
 
     #[test]
@@ -125,7 +173,10 @@ mod tests {
             ),
         ]);
         let found = told_with(EVERYTHING, "priority = 0xC000", "priority = 0xC002");
-        assert!(found.contains("run.priority: 0xC002 has an undeclared bit: 1\n"), "{found}");
+        assert!(
+            found.contains("run.priority: 0xC002 has an undeclared bit: 1\n"),
+            "{found}"
+        );
     }
 
     #[test]
@@ -133,7 +184,10 @@ mod tests {
         let start = EVERYTHING.find("[[run.bit]]").unwrap();
         let end = EVERYTHING.find("[[status]]").unwrap();
         let found = told_with(EVERYTHING, &EVERYTHING[start..end], "");
-        assert!(found.contains("run.bit: no bit is declared, and form is \"bits\"\n"), "{found}");
+        assert!(
+            found.contains("run.bit: no bit is declared, and form is \"bits\"\n"),
+            "{found}"
+        );
         assert_eq!(found.lines().count(), 2, "{found}");
     }
 
@@ -151,10 +205,22 @@ mod tests {
                 "run.release.value: 0x0400 has the bit `run` -> a word without it",
             ),
         ]);
-        for (meaning, word) in [("run", "run"), ("jog", "jog"), ("trip", "trip"), ("reset", "reset")] {
-            let text = EVERYTHING.replacen("meaning = \"other\"", &format!("meaning = \"{meaning}\""), 1);
+        for (meaning, word) in [
+            ("run", "run"),
+            ("jog", "jog"),
+            ("trip", "trip"),
+            ("reset", "reset"),
+        ] {
+            let text = EVERYTHING.replacen(
+                "meaning = \"other\"",
+                &format!("meaning = \"{meaning}\""),
+                1,
+            );
             let found = told_with(&text, "stop = { value = 0xC000", "stop = { value = 0xC001");
-            assert!(found.contains(&format!("run.stop.value: 0xC001 has the bit `{word}`\n")), "{found}");
+            assert!(
+                found.contains(&format!("run.stop.value: 0xC001 has the bit `{word}`\n")),
+                "{found}"
+            );
         }
     }
 

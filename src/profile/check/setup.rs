@@ -9,14 +9,26 @@ use crate::toml_file::words::{INTERFACES, word_for};
 use crate::toml_file::{Location, OptionalKey, Spanned};
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let interfaces = file.link.as_ref().and_then(|link| Some(&link.interfaces.value.as_ref()?.value[..]));
+    let interfaces = file
+        .link
+        .as_ref()
+        .and_then(|link| Some(&link.interfaces.value.as_ref()?.value[..]));
     let registers = file.setup.iter().filter_map(|setup| setup.register.valid());
-    once(registers, |name| format!("the register `{name}`"), "a register that is set only once", problems);
+    once(
+        registers,
+        |name| format!("the register `{name}`"),
+        "a register that is set only once",
+        problems,
+    );
     for setup in &file.setup {
         setting_can_be_made(setup, &file.registers, problems);
         interface_is_there(setup, interfaces, problems);
     }
-    if let OptionalKey::Valid(Spanned { value: watchdog, location }) = &file.watchdog {
+    if let OptionalKey::Valid(Spanned {
+        value: watchdog,
+        location,
+    }) = &file.watchdog
+    {
         reaction_words_are_stated(watchdog, location, &file.registers, problems);
         for name in watchdog.register.iter().chain(watchdog.action.valid()) {
             readable(name, &file.registers, problems);
@@ -36,29 +48,41 @@ fn reaction_words_are_stated(
     let is_digit = |digit: u16| [1, 10, 100, 1000].contains(&digit);
     match (&watchdog.action, &watchdog.keeps_running) {
         (OptionalKey::Valid(_), OptionalKey::Absent) => {
-            let problem = location.missing("keeps_running").problem("`action` requires `keeps_running`");
+            let problem = location
+                .missing("keeps_running")
+                .problem("`action` requires `keeps_running`");
             problems.push(problem.right(right));
         }
         (OptionalKey::Absent, OptionalKey::Valid(words)) => {
             let problem = words.location.problem("`keeps_running` requires `action`");
-            problems.push(problem.right("add the register that holds one of them, or leave it out"));
+            problems
+                .push(problem.right("add the register that holds one of them, or leave it out"));
         }
         (OptionalKey::Valid(_), OptionalKey::Valid(words)) => {
             let both = |stops: &Spanned<Vec<Spanned<u16>>>| {
-                words.value.iter().find(|word| stops.value.iter().any(|it| it.value == word.value)).cloned()
+                words
+                    .value
+                    .iter()
+                    .find(|word| stops.value.iter().any(|it| it.value == word.value))
+                    .cloned()
             };
             if let Some(word) = watchdog.stops.valid().and_then(both) {
-                let problem = word.location.problem(format!("{} is also in `stops`", word.value));
+                let problem = word
+                    .location
+                    .problem(format!("{} is also in `stops`", word.value));
                 problems.push(problem.right("each word in only one of the lists"));
             }
-            let is_there =
-                |action: &Spanned<String>| registers.iter().any(|it| it.name() == Some(action.value.as_str()));
-            let is_silent =
-                matches!(watchdog.stops, OptionalKey::Absent) && watchdog.action.valid().is_some_and(is_there);
+            let is_there = |action: &Spanned<String>| {
+                registers
+                    .iter()
+                    .any(|it| it.name() == Some(action.value.as_str()))
+            };
+            let is_silent = matches!(watchdog.stops, OptionalKey::Absent)
+                && watchdog.action.valid().is_some_and(is_there);
             if is_silent && watchdog.words_that_stop(registers).is_empty() {
-                let problem = location
-                    .missing("stops")
-                    .problem("`stops` is missing, and the register's `values` state no stopping word");
+                let problem = location.missing("stops").problem(
+                    "`stops` is missing, and the register's `values` state no stopping word",
+                );
                 problems.push(problem.right("the words of that register that stop the motor"));
             }
         }
@@ -68,7 +92,10 @@ fn reaction_words_are_stated(
         && !is_digit(digit.value)
     {
         problems.push(
-            digit.location.problem(format!("{} is not the place of a digit", digit.value)).right("1, 10, 100 or 1000"),
+            digit
+                .location
+                .problem(format!("{} is not the place of a digit", digit.value))
+                .right("1, 10, 100 or 1000"),
         );
     }
 }
@@ -77,30 +104,56 @@ fn reaction_words_are_stated(
 fn setting_can_be_made(setup: &SetupFile, registers: &[RegisterFile], problems: &mut Vec<Problem>) {
     match (&setup.register, &setup.values) {
         (OptionalKey::Valid(_), OptionalKey::Absent) => {
-            let problem = setup.location.missing("values").problem("`register` requires `values`");
+            let problem = setup
+                .location
+                .missing("values")
+                .problem("`register` requires `values`");
             problems.push(problem.right("the acceptable words; the first one is written"));
         }
         (OptionalKey::Absent, OptionalKey::Valid(values)) => {
             let problem = values.location.problem("`values` requires `register`");
-            problems.push(problem.right("add the register that holds one of them, or leave it out"));
+            problems
+                .push(problem.right("add the register that holds one of them, or leave it out"));
         }
         _ => {}
     }
-    let OptionalKey::Valid(name) = &setup.register else { return };
+    let OptionalKey::Valid(name) = &setup.register else {
+        return;
+    };
     let register = readable(name, registers, problems);
     let access = register.and_then(|register| register.access.as_ref());
     if access.is_some_and(|access| !access.value.can_write()) {
-        let problem = name.location.problem(format!("`{}` is not writable", name.value));
-        problems.push(problem.right("a register that can be written, or leave it out for what is set at the drive"));
+        let problem = name
+            .location
+            .problem(format!("`{}` is not writable", name.value));
+        problems.push(
+            problem.right(
+                "a register that can be written, or leave it out for what is set at the drive",
+            ),
+        );
     }
 }
 
 /// A setting for an interface requires that the drive has that interface.
-fn interface_is_there(setup: &SetupFile, interfaces: Option<&[Interface]>, problems: &mut Vec<Problem>) {
-    let (OptionalKey::Valid(interface), Some(interfaces)) = (&setup.interface, interfaces) else { return };
+fn interface_is_there(
+    setup: &SetupFile,
+    interfaces: Option<&[Interface]>,
+    problems: &mut Vec<Problem>,
+) {
+    let (OptionalKey::Valid(interface), Some(interfaces)) = (&setup.interface, interfaces) else {
+        return;
+    };
     if !interfaces.contains(&interface.value) {
-        let what = format!("the model has no {}", word_for(&INTERFACES, &interface.value));
-        problems.push(interface.location.problem(what).right("one of `link.interfaces`"));
+        let what = format!(
+            "the model has no {}",
+            word_for(&INTERFACES, &interface.value)
+        );
+        problems.push(
+            interface
+                .location
+                .problem(what)
+                .right("one of `link.interfaces`"),
+        );
     }
 }
 
@@ -117,7 +170,11 @@ mod tests {
                 "setup[0].values: `register` requires `values` -> \
                  the acceptable words; the first one is written",
             ),
-            ("values = [2, 3]", "values = []", "setup[0].values: is empty -> at least a whole number from 0 to 65535"),
+            (
+                "values = [2, 3]",
+                "values = []",
+                "setup[0].values: is empty -> at least a whole number from 0 to 65535",
+            ),
             (
                 "register = \"run_source\"\n",
                 "",

@@ -7,24 +7,45 @@ use crate::profile::register::RegisterFile;
 use crate::toml_file::OptionalKey;
 
 /// All orders but a reset.
-const OTHERS: [OrderKind; 5] =
-    [OrderKind::Stop, OrderKind::Forward, OrderKind::Reverse, OrderKind::Coast, OrderKind::Release];
+const OTHERS: [OrderKind; 5] = [
+    OrderKind::Stop,
+    OrderKind::Forward,
+    OrderKind::Reverse,
+    OrderKind::Coast,
+    OrderKind::Release,
+];
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     for register in &file.registers {
-        let Some(silence) = register.no_reply.valid().filter(|silence| silence.value) else { continue };
-        let mut wrong = |what: &str, right: &str| problems.push(silence.location.problem(what).right(right));
-        if register.access.as_ref().is_some_and(|access| !access.value.can_write()) {
-            wrong("the register cannot be written", "leave it out, or use access \"write\" or \"read-write\"");
+        let Some(silence) = register.no_reply.valid().filter(|silence| silence.value) else {
+            continue;
+        };
+        let mut wrong =
+            |what: &str, right: &str| problems.push(silence.location.problem(what).right(right));
+        if register
+            .access
+            .as_ref()
+            .is_some_and(|access| !access.value.can_write())
+        {
+            wrong(
+                "the register cannot be written",
+                "leave it out, or use access \"write\" or \"read-write\"",
+            );
         } else if takes_an_order_that_must_be_answered(register, file) {
             wrong(
                 "a drive that does not answer an order cannot be known to follow it",
                 "leave it out: of all orders, only a reset may have no answer",
             );
         } else if is_a_commit(register, file) {
-            wrong("nothing else shows that parameters were taken over", "leave it out");
+            wrong(
+                "nothing else shows that parameters were taken over",
+                "leave it out",
+            );
         } else if is_in_the_block(register, file) {
-            wrong("the register is in the block of `write`, which is answered", "leave it out, or a smaller block");
+            wrong(
+                "the register is in the block of `write`, which is answered",
+                "leave it out, or a smaller block",
+            );
         } else if matches!(register.deaf_after, OptionalKey::Absent) {
             wrong(
                 "it is not stated how long the drive is left alone then",
@@ -40,25 +61,52 @@ fn takes_an_order_that_must_be_answered(register: &RegisterFile, file: &ModelFil
     if matches!(role, Some(Role::RunCommand | Role::FrequencyCommand)) {
         return true;
     }
-    let Some(run) = file.run.valid().map(|run| &run.value) else { return false };
-    let reset = run.places.named(OrderKind::Reset).map(|name| name.value.as_str());
+    let Some(run) = file.run.valid().map(|run| &run.value) else {
+        return false;
+    };
+    let reset = run
+        .places
+        .named(OrderKind::Reset)
+        .map(|name| name.value.as_str());
     let takes_another = OTHERS.into_iter().filter_map(|kind| run.places.named(kind));
     // The direction is written before the run command.
-    let named = run.places.names().filter(|name| Some(name.value.as_str()) != reset);
-    takes_another.chain(named).any(|name| Some(name.value.as_str()) == register.name())
+    let named = run
+        .places
+        .names()
+        .filter(|name| Some(name.value.as_str()) != reset);
+    takes_another
+        .chain(named)
+        .any(|name| Some(name.value.as_str()) == register.name())
 }
 
 fn is_a_commit(register: &RegisterFile, file: &ModelFile) -> bool {
-    let words = file.commit.valid().into_iter().flat_map(|commit| commit.value.words());
+    let words = file
+        .commit
+        .valid()
+        .into_iter()
+        .flat_map(|commit| commit.value.words());
     let name = |word: &CommitWordFile| word.register.as_ref().map(|name| name.value.clone());
-    words.filter_map(name).any(|name| Some(name.as_str()) == register.name())
+    words
+        .filter_map(name)
+        .any(|name| Some(name.as_str()) == register.name())
 }
 
 fn is_in_the_block(register: &RegisterFile, file: &ModelFile) -> bool {
-    let block = file.write.as_ref().and_then(|write| write.block.as_ref()?.value.as_ref());
-    let Some(block) = block.map(|block| &block.value) else { return false };
-    let (Some(first), Some(count), Some(place)) = (block.first(), &block.count, register.place()) else { return false };
-    place.value.offset_from(first).is_some_and(|offset| offset < count.value)
+    let block = file
+        .write
+        .as_ref()
+        .and_then(|write| write.block.as_ref()?.value.as_ref());
+    let Some(block) = block.map(|block| &block.value) else {
+        return false;
+    };
+    let (Some(first), Some(count), Some(place)) = (block.first(), &block.count, register.place())
+    else {
+        return false;
+    };
+    place
+        .value
+        .offset_from(first)
+        .is_some_and(|offset| offset < count.value)
 }
 
 #[cfg(test)]

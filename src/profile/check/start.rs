@@ -11,26 +11,40 @@ use crate::toml_file::{OptionalKey, Spanned};
 const STEPS_MAX: usize = 8;
 
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(run) = file.run.valid().map(|run| &run.value) else { return };
+    let Some(run) = file.run.valid().map(|run| &run.value) else {
+        return;
+    };
     if let (Some(fact), true) = (&run.start.take_back, run.start.steps.is_empty())
         && let Some(word) = &fact.value
     {
         let problem = word.location.problem("there is no start to take back");
         problems.push(problem.right("`[[run.start]]`, or leave it out"));
     }
-    let Some(first) = run.start.steps.first() else { return };
+    let Some(first) = run.start.steps.first() else {
+        return;
+    };
     if run.start.steps.len() > STEPS_MAX {
-        let problem = first.location.problem(format!("a start of {} words", run.start.steps.len()));
+        let problem = first
+            .location
+            .problem(format!("a start of {} words", run.start.steps.len()));
         problems.push(problem.right(format!("at most {STEPS_MAX}")));
     }
-    let shows_running = file.status.iter().any(|it| it.flag.as_ref().is_none_or(|flag| flag.value == Flag::Running));
+    let shows_running = file.status.iter().any(|it| {
+        it.flag
+            .as_ref()
+            .is_none_or(|flag| flag.value == Flag::Running)
+    });
     if !shows_running {
-        let problem = first.location.problem("nothing shows whether the drive has followed the start");
+        let problem = first
+            .location
+            .problem("nothing shows whether the drive has followed the start");
         problems.push(problem.right("a `[[status]]` with the flag `running`"));
     }
     for kind in [OrderKind::Stop, OrderKind::Forward, OrderKind::Reverse] {
         if let Some(name) = run.places.named(kind) {
-            let problem = name.location.problem("a start in several words goes to the register for run commands");
+            let problem = name
+                .location
+                .problem("a start in several words goes to the register for run commands");
             problems.push(problem.right("leave it out, or `[[run.start]]`"));
         }
     }
@@ -42,7 +56,9 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     }
     turns_nothing_off(run, problems);
     if with_role(&[Role::OutputFrequency], &file.registers).is_none() && shows_running {
-        let problem = first.location.problem("nothing shows whether the motor turns");
+        let problem = first
+            .location
+            .problem("nothing shows whether the motor turns");
         problems.push(problem.right("a register with `role = \"output-frequency\"`"));
     }
 }
@@ -55,7 +71,10 @@ fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<P
         OptionalKey::Valid(until) => &until.value,
     };
     if matches!(step.within, OptionalKey::Absent) {
-        let problem = step.location.missing("within").problem("`within` is missing");
+        let problem = step
+            .location
+            .missing("within")
+            .problem("`within` is missing");
         problems.push(problem.right("how long the drive may take to show what `until` says"));
     }
     if let (Some(least), Some(within)) = (step.at_least.valid(), step.within.valid())
@@ -67,9 +86,13 @@ fn step_can_be_seen(step: &StartStepFile, file: &ModelFile, problems: &mut Vec<P
     if let Some(name) = &until.register {
         readable(name, &file.registers, problems);
     }
-    let (Some(mask), Some(values)) = (until.mask.or(u16::MAX), &until.values) else { return };
+    let (Some(mask), Some(values)) = (until.mask.or(u16::MAX), &until.values) else {
+        return;
+    };
     for Spanned { value, location } in values.value.iter().filter(|word| word.value & !mask != 0) {
-        let problem = location.problem(format!("0x{value:04X} has bits outside the mask 0x{mask:04X}"));
+        let problem = location.problem(format!(
+            "0x{value:04X} has bits outside the mask 0x{mask:04X}"
+        ));
         problems.push(problem.right(format!("0x{:04X}, or a wider mask", value & mask)));
     }
 }
@@ -83,11 +106,19 @@ fn waits_by_time(step: &StartStepFile, problems: &mut Vec<Problem>) {
     let right = "`until`, or how long the drive takes to follow the word";
     match &step.at_least {
         OptionalKey::Absent if step.within.valid().is_none() => {
-            let problem = step.location.missing("at_least").problem("nothing comes between this word and the next");
+            let problem = step
+                .location
+                .missing("at_least")
+                .problem("nothing comes between this word and the next");
             problems.push(problem.right(right));
         }
         OptionalKey::Valid(least) if least.value.is_zero() => {
-            problems.push(least.location.problem("is no time for the drive to follow the word").right(right));
+            problems.push(
+                least
+                    .location
+                    .problem("is no time for the drive to follow the word")
+                    .right(right),
+            );
         }
         OptionalKey::Absent | OptionalKey::Invalid | OptionalKey::Valid(_) => {}
     }
@@ -96,28 +127,67 @@ fn waits_by_time(step: &StartStepFile, problems: &mut Vec<Problem>) {
 /// Where nothing shows that the drive is ready for the run word, all words go out whatever it does, as while its motor still
 /// ramps down. Only the stop is sure to change nothing then.
 fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
-    let is_shown = run.start.steps.last().is_some_and(|last| !matches!(last.until, OptionalKey::Absent));
-    let Some(stop) = run.stop.value.as_ref().filter(|_| !is_shown) else { return };
-    let words = run.start.steps.iter().filter_map(|step| step.write.as_ref());
+    let is_shown = run
+        .start
+        .steps
+        .last()
+        .is_some_and(|last| !matches!(last.until, OptionalKey::Absent));
+    let Some(stop) = run.stop.value.as_ref().filter(|_| !is_shown) else {
+        return;
+    };
+    let words = run
+        .start
+        .steps
+        .iter()
+        .filter_map(|step| step.write.as_ref());
     for word in words.filter(|word| word.value != stop.value) {
-        let what = format!("the word {} may cut off a motor that still ramps down", run.shown(word.value));
-        let right = format!("`until` in the last `[[run.start]]`, or the stop {}", run.shown(stop.value));
+        let what = format!(
+            "the word {} may cut off a motor that still ramps down",
+            run.shown(word.value)
+        );
+        let right = format!(
+            "`until` in the last `[[run.start]]`, or the stop {}",
+            run.shown(stop.value)
+        );
         problems.push(word.location.problem(what).right(right));
     }
 }
 
 /// The word neither runs nor resets, and is not forbidden.
 fn moves_nothing(word: &Spanned<u16>, run: &RunFile, problems: &mut Vec<Problem>) {
-    let is_order = |kind: OrderKind| matches!(kind, OrderKind::Forward | OrderKind::Reverse | OrderKind::Reset);
-    if let Some((_, order)) = run.own_words().find(|(kind, it)| is_order(*kind) && it.value == word.value) {
-        let what = format!("the word {} is the command {}", run.shown(word.value), order.location.key);
-        problems.push(word.location.problem(what).right("a word that does not move the motor"));
+    let is_order = |kind: OrderKind| {
+        matches!(
+            kind,
+            OrderKind::Forward | OrderKind::Reverse | OrderKind::Reset
+        )
+    };
+    if let Some((_, order)) = run
+        .own_words()
+        .find(|(kind, it)| is_order(*kind) && it.value == word.value)
+    {
+        let what = format!(
+            "the word {} is the command {}",
+            run.shown(word.value),
+            order.location.key
+        );
+        problems.push(
+            word.location
+                .problem(what)
+                .right("a word that does not move the motor"),
+        );
     }
-    if run.never().any(|(register, never)| register.is_none() && never.value == word.value) {
+    if run
+        .never()
+        .any(|(register, never)| register.is_none() && never.value == word.value)
+    {
         let what = format!("the word {} is one of `never`", run.shown(word.value));
         problems.push(word.location.problem(what).right("another word"));
     }
-    if run.form.as_ref().is_some_and(|form| form.value == FormWord::Bits) {
+    if run
+        .form
+        .as_ref()
+        .is_some_and(|form| form.value == FormWord::Bits)
+    {
         run_word::bits_order_nothing(word, run, problems);
     }
 }
@@ -147,9 +217,17 @@ mod tests {
                 &FIRST.replace("0x0021", "0x0121"),
                 "run.start[0].until.values[0]: 0x0121 has bits outside the mask 0x006F -> 0x0021, or a wider mask",
             ),
-            (FIRST, &FIRST.replace("[0x0021]", "[]"), "run.start[0].until.values: is empty"),
+            (
+                FIRST,
+                &FIRST.replace("[0x0021]", "[]"),
+                "run.start[0].until.values: is empty",
+            ),
             (FIRST, &FIRST.replace("2s", "20s"), "run.start[0].within: "),
-            (FIRST, "values = [0x0021] }", "run.start[0].within: `within` is missing"),
+            (
+                FIRST,
+                "values = [0x0021] }",
+                "run.start[0].within: `within` is missing",
+            ),
             (
                 "at_least = \"100ms\"",
                 "at_least = \"3s\"",
@@ -181,21 +259,28 @@ mod tests {
     #[test]
     fn a_step_by_time_has_a_time_and_cuts_nothing_off() {
         const LEAST: &str = "at_least = \"100ms\"\n";
-        let told = |from: &str, to: &str| told_with(BY_TIME, from, to).replace("\n    right: ", " -> ");
+        let told =
+            |from: &str, to: &str| told_with(BY_TIME, from, to).replace("\n    right: ", " -> ");
         check::model(BY_TIME).unwrap();
         let found = told(LEAST, "");
         assert!(
-            found.contains("run.start[0].at_least: nothing comes between this word and the next -> `until`"),
+            found.contains(
+                "run.start[0].at_least: nothing comes between this word and the next -> `until`"
+            ),
             "{found}"
         );
         let found = told(LEAST, "at_least = \"0s\"\n");
-        assert!(found.contains("run.start[0].at_least: is no time for the drive to follow the word"), "{found}");
+        assert!(
+            found.contains("run.start[0].at_least: is no time for the drive to follow the word"),
+            "{found}"
+        );
         let found = told("write = 0x047E", "write = 0x047C");
         let expected = "run.start[0].write: the word 1148 may cut off a motor that still ramps down -> \
                         `until` in the last `[[run.start]]`, or the stop 1150";
         assert!(found.contains(expected), "{found}");
         // A word before one with `until` may be left out.
-        let first = "until = { register = \"status\", mask = 0x006F, values = [0x0021] }\nwithin = \"2s\"";
+        let first =
+            "until = { register = \"status\", mask = 0x006F, values = [0x0021] }\nwithin = \"2s\"";
         check::model(&START.replace(first, "at_least = \"2s\"")).unwrap();
     }
 
@@ -226,12 +311,24 @@ mod tests {
         let start = START.find("[[run.start]]").unwrap();
         let end = START.find("[[status]]").unwrap();
         let found = told_with(START, &START[start..end], "");
-        assert!(found.contains("run.take_back.value: there is no start to take back"), "{found}");
+        assert!(
+            found.contains("run.take_back.value: there is no start to take back"),
+            "{found}"
+        );
     }
 
     #[test]
     fn a_start_goes_to_the_register_for_run_commands() {
-        let found = told_with(START, "stop = { value", "stop = { register = \"frequency_command\", value");
-        assert!(found.contains("run.stop.register: a start in several words goes to the register for run"), "{found}");
+        let found = told_with(
+            START,
+            "stop = { value",
+            "stop = { register = \"frequency_command\", value",
+        );
+        assert!(
+            found.contains(
+                "run.stop.register: a start in several words goes to the register for run"
+            ),
+            "{found}"
+        );
     }
 }

@@ -26,8 +26,14 @@ const WORDS: [Role; 13] = [
     Role::DecelerationTime,
 ];
 /// Those of them that may be a field of a word.
-const FIELDS: [Role; 6] =
-    [Role::TripCode, Role::TripBits, Role::TripCause, Role::TripHistory, Role::WarningCode, Role::WarningBits];
+const FIELDS: [Role; 6] = [
+    Role::TripCode,
+    Role::TripBits,
+    Role::TripCause,
+    Role::TripHistory,
+    Role::WarningCode,
+    Role::WarningBits,
+];
 /// Those of them that may be two words: bits alone.
 const PAIRS: [Role; 2] = [Role::TripBits, Role::WarningBits];
 /// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
@@ -47,7 +53,12 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     ranges_are_fixed(file, problems);
 }
 
-fn tell(location: &Location, what: impl Into<String>, right: impl Into<String>, problems: &mut Vec<Problem>) {
+fn tell(
+    location: &Location,
+    what: impl Into<String>,
+    right: impl Into<String>,
+    problems: &mut Vec<Problem>,
+) {
     problems.push(location.problem(what).right(right));
 }
 
@@ -60,7 +71,12 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
     let form = &register.form;
     let Some(Spanned { location, .. }) = form.words.valid().filter(|words| words.value == 2) else {
         if let Some(order) = form.word_order.valid() {
-            tell(&order.location, "one word has no order", "`words = 2`, or leave it out", problems);
+            tell(
+                &order.location,
+                "one word has no order",
+                "`words = 2`, or leave it out",
+                problems,
+            );
         }
         return;
     };
@@ -73,30 +89,68 @@ fn words_fit(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Probl
         );
     }
     let limits = file.read.as_ref().and_then(|read| read.ready());
-    let (Some(limits), Some(address)) = (limits, register.place()) else { return };
-    let ascii = limits.max_words_ascii.as_ref().map_or(u16::MAX, |words| words.value);
+    let (Some(limits), Some(address)) = (limits, register.place()) else {
+        return;
+    };
+    let ascii = limits
+        .max_words_ascii
+        .as_ref()
+        .map_or(u16::MAX, |words| words.value);
     if limits.words_at(address.value).min(ascii) < 2 {
-        tell(location, "no read of this drive covers both words", "a register of one word", problems);
+        tell(
+            location,
+            "no read of this drive covers both words",
+            "a register of one word",
+            problems,
+        );
     }
     if form.mask.valid().is_some() || form.exponent_mask.valid().is_some() {
-        tell(location, "a field is in one word", "leave out `words`, or `mask` and `exponent_mask`", problems);
+        tell(
+            location,
+            "a field is in one word",
+            "leave out `words`, or `mask` and `exponent_mask`",
+            problems,
+        );
     }
 }
 
 /// Masks are contiguous and do not overlap.
 fn fields_fit(register: &RegisterFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
-    for mask in [&form.mask, &form.exponent_mask].into_iter().filter_map(|mask| mask.valid()) {
+    for mask in [&form.mask, &form.exponent_mask]
+        .into_iter()
+        .filter_map(|mask| mask.valid())
+    {
         if !is_contiguous(mask.value) {
-            let what = format!("0x{:04X} is not one field: there are gaps between its bits", mask.value);
-            tell(&mask.location, what, "a mask whose bits are neighbours", problems);
+            let what = format!(
+                "0x{:04X} is not one field: there are gaps between its bits",
+                mask.value
+            );
+            tell(
+                &mask.location,
+                what,
+                "a mask whose bits are neighbours",
+                problems,
+            );
         } else if mask.value == u16::MAX {
-            tell(&mask.location, "0xFFFF is the whole word", "leave it out", problems);
+            tell(
+                &mask.location,
+                "0xFFFF is the whole word",
+                "leave it out",
+                problems,
+            );
         }
     }
-    let Some(exponent) = form.exponent_mask.valid() else { return };
+    let Some(exponent) = form.exponent_mask.valid() else {
+        return;
+    };
     match form.mask.valid() {
-        None => tell(&exponent.location, "an exponent needs a mantissa", "`mask`, the bits of the mantissa", problems),
+        None => tell(
+            &exponent.location,
+            "an exponent needs a mantissa",
+            "`mask`, the bits of the mantissa",
+            problems,
+        ),
         Some(mask) if mask.value & exponent.value != 0 => {
             tell(
                 &exponent.location,
@@ -106,7 +160,12 @@ fn fields_fit(register: &RegisterFile, problems: &mut Vec<Problem>) {
             );
         }
         Some(_) if exponent.value.count_ones() > EXPONENT_BITS => {
-            tell(&exponent.location, "the exponent is too wide", "at most 3 bits", problems);
+            tell(
+                &exponent.location,
+                "the exponent is too wide",
+                "at most 3 bits",
+                problems,
+            );
         }
         Some(_) => {}
     }
@@ -121,14 +180,22 @@ fn is_contiguous(mask: u16) -> bool {
 /// What is more than one whole word is not written.
 fn parts_are_only_read(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
     let form = &register.form;
-    if form.is_pair() && register.access.as_ref().is_some_and(|access| access.value.can_write()) {
+    if form.is_pair()
+        && register
+            .access
+            .as_ref()
+            .is_some_and(|access| access.value.can_write())
+    {
         pair_is_written_whole(register, file, problems);
     }
     let is_more = form.mask.valid().is_some()
         || form.exponent_mask.valid().is_some()
         || form.scale_by.valid().is_some()
         || !form.plus.is_empty();
-    let written = register.access.as_ref().filter(|access| is_more && access.value != Access::Read);
+    let written = register
+        .access
+        .as_ref()
+        .filter(|access| is_more && access.value != Access::Read);
     if let Some(access) = written {
         let what = "a field, a sum or a scale from elsewhere can only be read";
         tell(&access.location, what, "\"read\"", problems);
@@ -137,13 +204,27 @@ fn parts_are_only_read(register: &RegisterFile, file: &ModelFile, problems: &mut
 
 /// What is written as two words is a plain number, and goes out in one frame. A setpoint has no sign.
 fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(words) = register.form.words.valid() else { return };
-    let serves = file.functions.value.as_ref().is_none_or(|served| served.value.contains(&function::WRITE_MULTIPLE));
+    let Some(words) = register.form.words.valid() else {
+        return;
+    };
+    let serves = file
+        .functions
+        .value
+        .as_ref()
+        .is_none_or(|served| served.value.contains(&function::WRITE_MULTIPLE));
     if !serves {
         let what = "both words are written in one frame by function 10 hex, which is not served";
-        tell(&words.location, what, "0x10 in `functions` if the manual names it, or access \"read\"", problems);
+        tell(
+            &words.location,
+            what,
+            "0x10 in `functions` if the manual names it, or access \"read\"",
+            problems,
+        );
     }
-    let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
+    let has_ratio = register
+        .scale
+        .valid()
+        .is_some_and(|scale| scale.value.per != 1);
     let is_setpoint = role(register) == Some(Role::FrequencyCommand);
     let has_sign = is_setpoint && register.signed.or(false) == Some(true);
     if has_sign || has_ratio || register.form.full_scale.valid().is_some() {
@@ -151,18 +232,38 @@ fn pair_is_written_whole(register: &RegisterFile, file: &ModelFile, problems: &m
             true => "a setpoint of two words is a number without a sign and with a plain scale",
             false => "what is written as two words is a number with a plain scale",
         };
-        tell(&words.location, what, "one word, or leave out `signed` and `full_scale`", problems);
+        tell(
+            &words.location,
+            what,
+            "one word, or leave out `signed` and `full_scale`",
+            problems,
+        );
     }
 }
 
 /// A full scale comes from readable registers in the same unit, or from the configuration.
 fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let Some(Spanned { value: scale, .. }) = register.form.full_scale.valid() else { return };
-    if let Some(from) = scale.from.valid().filter(|_| role(register) == Some(Role::OutputFrequency)) {
-        tell(&from.location, "an output of 0 would not be 0 Hz", "leave it out", problems);
+    let Some(Spanned { value: scale, .. }) = register.form.full_scale.valid() else {
+        return;
+    };
+    if let Some(from) = scale
+        .from
+        .valid()
+        .filter(|_| role(register) == Some(Role::OutputFrequency))
+    {
+        tell(
+            &from.location,
+            "an output of 0 would not be 0 Hz",
+            "leave it out",
+            problems,
+        );
     }
     let is_configured = scale.of.as_ref().is_some_and(|of| of.value == CONFIGURED);
-    if let Some(parameter) = scale.parameter.valid().filter(|_| !is_configured && scale.of.is_some()) {
+    if let Some(parameter) = scale
+        .parameter
+        .valid()
+        .filter(|_| !is_configured && scale.of.is_some())
+    {
         let right = "leave it out, or `of = \"configured\"`";
         tell(
             &parameter.location,
@@ -185,17 +286,28 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
             }
             continue;
         }
-        let Some(basis) = basis(register, name, file, problems) else { continue };
+        let Some(basis) = basis(register, name, file, problems) else {
+            continue;
+        };
         if basis.unit.as_ref().map(|unit| unit.value) != unit {
             let what = format!("`{}` has another unit", name.value);
-            tell(&name.location, what, "a register in the unit of this one", problems);
+            tell(
+                &name.location,
+                what,
+                "a register in the unit of this one",
+                problems,
+            );
         }
     }
 }
 
 /// The scale comes from a readable register.
 fn scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut Vec<Problem>) {
-    let by = register.form.scale_by.valid().and_then(|by| by.value.register.as_ref());
+    let by = register
+        .form
+        .scale_by
+        .valid()
+        .and_then(|by| by.value.register.as_ref());
     if let Some(name) = by {
         basis(register, name, file, problems);
     }
@@ -218,7 +330,12 @@ fn basis<'f>(
         && form.plus.is_empty();
     if basis.name() == register.name() || !is_simple {
         let what = format!("`{}` is not one word with a scale of its own", name.value);
-        tell(&name.location, what, "a register of one word, or a field of it", problems);
+        tell(
+            &name.location,
+            what,
+            "a register of one word, or a field of it",
+            problems,
+        );
         return None;
     }
     Some(basis)
@@ -226,11 +343,22 @@ fn basis<'f>(
 
 /// Only signed frequencies show a direction.
 fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) {
-    let Some(direction) = register.form.direction.valid() else { return };
-    let shows = [Role::OutputFrequency, Role::FrequencyCommand, Role::FrequencySetting];
+    let Some(direction) = register.form.direction.valid() else {
+        return;
+    };
+    let shows = [
+        Role::OutputFrequency,
+        Role::FrequencyCommand,
+        Role::FrequencySetting,
+    ];
     if !role(register).is_some_and(|role| shows.contains(&role)) {
         let right = "leave it out, or role \"output-frequency\", \"frequency-command\" or \"frequency-setting\"";
-        tell(&direction.location, "only a frequency shows the direction", right, problems);
+        tell(
+            &direction.location,
+            "only a frequency shows the direction",
+            right,
+            problems,
+        );
     }
     if register.signed.or(false) == Some(false) {
         tell(
@@ -246,14 +374,33 @@ fn sign_means_a_direction(register: &RegisterFile, problems: &mut Vec<Problem>) 
 /// a negative one is not shown as a large positive one. The sign of an output frequency is its direction then.
 fn sign_in_doubt_is_read(register: &RegisterFile, problems: &mut Vec<Problem>) {
     let parts = register.not_stated.valid().map(|parts| parts.value.iter());
-    let Some(sign) = parts.into_iter().flatten().find(|part| part.value == FactPart::Sign) else { return };
-    let is_read = register.access.as_ref().is_none_or(|access| access.value.can_read());
+    let Some(sign) = parts
+        .into_iter()
+        .flatten()
+        .find(|part| part.value == FactPart::Sign)
+    else {
+        return;
+    };
+    let is_read = register
+        .access
+        .as_ref()
+        .is_none_or(|access| access.value.can_read());
     let is_output = role(register) == Some(Role::OutputFrequency);
     if is_read && register.signed.or(false) == Some(false) {
         let what = "a negative number would be shown as a large positive one";
-        tell(&sign.location, what, "`signed = true`: below half of the range both readings agree", problems);
+        tell(
+            &sign.location,
+            what,
+            "`signed = true`: below half of the range both readings agree",
+            problems,
+        );
     } else if is_output && matches!(register.form.direction.0, OptionalKey::Absent) {
-        tell(&sign.location, "a negative output frequency is no magnitude", "`direction = \"sign\"`", problems);
+        tell(
+            &sign.location,
+            "a negative output frequency is no magnitude",
+            "`direction = \"sign\"`",
+            problems,
+        );
     }
 }
 
@@ -264,31 +411,73 @@ fn is_one_value(register: &RegisterFile, problems: &mut Vec<Problem>) {
     let scale_by = form.scale_by.valid().map(|it| &it.location);
     for location in full_scale.iter().chain(&scale_by) {
         if register.scale.valid().is_some() {
-            tell(location, "the scale is given twice", "leave out `scale`", problems);
+            tell(
+                location,
+                "the scale is given twice",
+                "leave out `scale`",
+                problems,
+            );
         }
     }
     if let (Some(location), Some(_)) = (full_scale, scale_by) {
-        tell(location, "the scale is given twice", "either `full_scale` or `scale_by`", problems);
+        tell(
+            location,
+            "the scale is given twice",
+            "either `full_scale` or `scale_by`",
+            problems,
+        );
     }
-    if let Some(part) = form.plus.iter().find_map(|part| part.address.as_ref()).filter(|_| full_scale.is_some()) {
-        tell(&part.location, "nothing can be added to a fraction", "leave out `full_scale` or `plus`", problems);
+    if let Some(part) = form
+        .plus
+        .iter()
+        .find_map(|part| part.address.as_ref())
+        .filter(|_| full_scale.is_some())
+    {
+        tell(
+            &part.location,
+            "nothing can be added to a fraction",
+            "leave out `full_scale` or `plus`",
+            problems,
+        );
     }
-    let Some(role) = register.role.valid().filter(|role| WORDS.contains(&role.value)) else { return };
+    let Some(role) = register
+        .role
+        .valid()
+        .filter(|role| WORDS.contains(&role.value))
+    else {
+        return;
+    };
     let has_field = form.mask.valid().is_some() && !FIELDS.contains(&role.value);
-    let has_ratio = register.scale.valid().is_some_and(|scale| scale.value.per != 1);
+    let has_ratio = register
+        .scale
+        .valid()
+        .is_some_and(|scale| scale.value.per != 1);
     let is_more = (form.is_pair() && !PAIRS.contains(&role.value))
         || form.exponent_mask.valid().is_some()
         || !form.plus.is_empty();
     if has_field || has_ratio || is_more || full_scale.is_some() || scale_by.is_some() {
-        tell(&role.location, "a register with this role is one word with a plain scale", "a plain register", problems);
+        tell(
+            &role.location,
+            "a register with this role is one word with a plain scale",
+            "a plain register",
+            problems,
+        );
     }
 }
 
 /// The range of a register is fixed, so that of a fraction cannot be stated.
 fn ranges_are_fixed(file: &ModelFile, problems: &mut Vec<Problem>) {
     for register in &file.registers {
-        let (Some(range), Some(_)) = (register.range_location(), register.form.full_scale.valid()) else { continue };
-        tell(range, "the range of a fraction is not fixed", "leave it out", problems);
+        let (Some(range), Some(_)) = (register.range_location(), register.form.full_scale.valid())
+        else {
+            continue;
+        };
+        tell(
+            range,
+            "the range of a fraction is not fixed",
+            "leave it out",
+            problems,
+        );
     }
 }
 
@@ -304,7 +493,9 @@ mod tests {
             let what = pair[0].split_once(' ').map_or(pair[0], |(_, what)| what);
             format!("{what} -> {}", pair[1].trim_start_matches("right: "))
         });
-        said.collect::<Vec<_>>().join("\n").replace("register[0].", "")
+        said.collect::<Vec<_>>()
+            .join("\n")
+            .replace("register[0].", "")
     }
 
     #[test]
@@ -315,13 +506,22 @@ mod tests {
                 "words: the order of the two words is not stated -> \
                  `word_order = \"high-first\"` or \"low-first\", as the documents state it",
             ),
-            ("word_order = \"low-first\"", "word_order: one word has no order -> `words = 2`, or leave it out"),
-            ("words = 3", "words: 3 is out of range -> a whole number from 1 to 2"),
+            (
+                "word_order = \"low-first\"",
+                "word_order: one word has no order -> `words = 2`, or leave it out",
+            ),
+            (
+                "words = 3",
+                "words: 3 is out of range -> a whole number from 1 to 2",
+            ),
             (
                 "mask = 0x0F0F",
                 "mask: 0x0F0F is not one field: there are gaps between its bits -> a mask whose bits are neighbours",
             ),
-            ("mask = 0xFFFF", "mask: 0xFFFF is the whole word -> leave it out"),
+            (
+                "mask = 0xFFFF",
+                "mask: 0xFFFF is the whole word -> leave it out",
+            ),
             (
                 "exponent_mask = 0x0C00",
                 "exponent_mask: an exponent needs a mantissa -> `mask`, the bits of the mantissa",
@@ -330,7 +530,10 @@ mod tests {
                 "mask = 0x0FFF\nexponent_mask = 0x0C00",
                 "exponent_mask: the exponent has bits of the mantissa -> bits that `mask` does not have",
             ),
-            ("mask = 0x00FF\nexponent_mask = 0x0F00", "exponent_mask: the exponent is too wide -> at most 3 bits"),
+            (
+                "mask = 0x00FF\nexponent_mask = 0x0F00",
+                "exponent_mask: the exponent is too wide -> at most 3 bits",
+            ),
         ] {
             assert_eq!(said(keys), expected);
         }
@@ -375,7 +578,11 @@ mod tests {
         let ramp = "scale = 100\nunit = \"s\"";
         let of = |keys: &str| format!("{keys}\nunit = \"s\"");
         let served = ("[0x03, 0x06, 0x10]", "[0x03, 0x06]");
-        let without = pairs.replacen("words = 2\nword_order = \"high-first\"\nscale = 10000", "scale = 100", 1);
+        let without = pairs.replacen(
+            "words = 2\nword_order = \"high-first\"\nscale = 10000",
+            "scale = 100",
+            1,
+        );
         for (text, from, to, expected) in [
             (
                 without.as_str(),
@@ -407,18 +614,32 @@ mod tests {
         for role in ["trip-code", "trip-bits", "warning-code", "warning-bits"] {
             let model = MODEL.replace("output-frequency", role);
             let written = |keys: &str| told_with(&model, "scale = 100\n", &format!("{keys}\n"));
-            assert!(written("scale = { steps = 3, per = 2 }").contains(refusal), "{role}");
+            assert!(
+                written("scale = { steps = 3, per = 2 }").contains(refusal),
+                "{role}"
+            );
             let pair = model.replace("scale = 100\n", "words = 2\nword_order = \"high-first\"\n");
-            assert_eq!(crate::profile::check::model(&pair).is_ok(), role.ends_with("bits"), "{role}");
-            crate::profile::check::model(&model.replace("scale = 100\n", "mask = 0x00FF\n")).unwrap();
+            assert_eq!(
+                crate::profile::check::model(&pair).is_ok(),
+                role.ends_with("bits"),
+                "{role}"
+            );
+            crate::profile::check::model(&model.replace("scale = 100\n", "mask = 0x00FF\n"))
+                .unwrap();
         }
     }
 
     #[test]
     fn mistakes_in_scales_are_named() {
         for (keys, expected) in [
-            ("scale = { steps = 0, per = 1 }", "scale.steps: 0 is out of range -> a whole number from 1 to 1000000"),
-            ("scale = { steps = 4096 }", "scale.per: `per` is missing -> a whole number from 1 to 1000000"),
+            (
+                "scale = { steps = 0, per = 1 }",
+                "scale.steps: 0 is out of range -> a whole number from 1 to 1000000",
+            ),
+            (
+                "scale = { steps = 4096 }",
+                "scale.per: `per` is missing -> a whole number from 1 to 1000000",
+            ),
             (
                 "full_scale = { steps = 16384, of = \"max\" }",
                 "full_scale.of: there is no register called `max` -> the `name` of a register",

@@ -10,7 +10,11 @@ use crate::toml_file::OptionalKey;
 pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
     let (bits, codes): (Vec<_>, Vec<_>) = file.warnings.iter().partition(|warning| warning.is_bit);
     codes_differ(codes, |code| format!("warning {code}"), problems);
-    codes_differ(bits, |code| format!("warning bit {}", code.saturating_sub(1)), problems);
+    codes_differ(
+        bits,
+        |code| format!("warning bit {}", code.saturating_sub(1)),
+        problems,
+    );
     bits_are_there(&file.warnings, Role::WarningBits, &file.registers, problems);
     let code = with_role(&[Role::WarningCode], &file.registers);
     let bits = with_role(&[Role::WarningBits], &file.registers);
@@ -18,19 +22,34 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
         is_polled(register, role, "warnings", problems);
     }
     if let (Some((_, code)), Some((_, bits))) = (code, bits) {
-        let problem = bits.location.problem(format!("{} says which warning is active", code.location.key));
+        let problem = bits.location.problem(format!(
+            "{} says which warning is active",
+            code.location.key
+        ));
         problems.push(problem.right("bits or a number, not both"));
     }
-    if file.registers.iter().any(|register| matches!(register.role, OptionalKey::Invalid)) {
+    if file
+        .registers
+        .iter()
+        .any(|register| matches!(register.role, OptionalKey::Invalid))
+    {
         return;
     }
-    let first = |is_bit: bool| file.warnings.iter().find(|warning| warning.is_bit == is_bit);
+    let first = |is_bit: bool| {
+        file.warnings
+            .iter()
+            .find(|warning| warning.is_bit == is_bit)
+    };
     if let Some(warning) = first(false).filter(|_| code.is_none()) {
-        let problem = warning.location.problem("no register holds the number of a warning");
+        let problem = warning
+            .location
+            .problem("no register holds the number of a warning");
         problems.push(problem.right("a register with `role = \"warning-code\"`"));
     }
     if let Some(warning) = first(true).filter(|_| bits.is_none()) {
-        let problem = warning.location.problem("no register holds the bits of warnings");
+        let problem = warning
+            .location
+            .problem("no register holds the bits of warnings");
         problems.push(problem.right("a register with `role = \"warning-bits\"`, or `code`"));
     }
 }
@@ -47,17 +66,60 @@ mod tests {
             .replace("[[warning]]\ncode = 5\n", "[[warning]]\nbit = 4\n")
             .replace("[[warning]]\ncode = 9\n", "[[warning]]\nbit = 8\n");
         model(&bits).unwrap();
-        let second_role = ("role = \"trip-history\"", "role = \"warning-bits\"\npoll = \"slow\"");
+        let second_role = (
+            "role = \"trip-history\"",
+            "role = \"warning-bits\"\npoll = \"slow\"",
+        );
         for (text, from, to, expected) in [
-            (EVERYTHING, "code = 9\n", "code = 5\n", "warning[1].code: warning 5 is taken by warning[0].code"),
-            (EVERYTHING, "code = 9\n", "bit = 4\n", "warning[1]: no register holds the bits of warnings"),
-            (EVERYTHING, "role = \"warning-code\"\n", "", "warning[0]: no register holds the number of a warning"),
-            (EVERYTHING, "role = \"warning-code\"\npoll = \"slow\"", "role = \"warning-code\"", "must be polled"),
-            (EVERYTHING, second_role.0, second_role.1, "says which warning is active"),
-            (&bits, "bit = 8\n", "bit = 4\n", "warning[1].bit: warning bit 4 is taken by warning[0].bit"),
-            (&bits, "bit = 8\n", "bit = 32\n", "warning[1].bit: 32 is out of range"),
+            (
+                EVERYTHING,
+                "code = 9\n",
+                "code = 5\n",
+                "warning[1].code: warning 5 is taken by warning[0].code",
+            ),
+            (
+                EVERYTHING,
+                "code = 9\n",
+                "bit = 4\n",
+                "warning[1]: no register holds the bits of warnings",
+            ),
+            (
+                EVERYTHING,
+                "role = \"warning-code\"\n",
+                "",
+                "warning[0]: no register holds the number of a warning",
+            ),
+            (
+                EVERYTHING,
+                "role = \"warning-code\"\npoll = \"slow\"",
+                "role = \"warning-code\"",
+                "must be polled",
+            ),
+            (
+                EVERYTHING,
+                second_role.0,
+                second_role.1,
+                "says which warning is active",
+            ),
+            (
+                &bits,
+                "bit = 8\n",
+                "bit = 4\n",
+                "warning[1].bit: warning bit 4 is taken by warning[0].bit",
+            ),
+            (
+                &bits,
+                "bit = 8\n",
+                "bit = 32\n",
+                "warning[1].bit: 32 is out of range",
+            ),
             (&bits, "bit = 8\n", "bit = 16\n", "has bits 0 to 15"),
-            (&bits, "bit = 8\n", "bit = 8\ncode = 7\n", "warning[1].code: has a bit already"),
+            (
+                &bits,
+                "bit = 8\n",
+                "bit = 8\ncode = 7\n",
+                "warning[1].code: has a bit already",
+            ),
         ] {
             let found = told_with(text, from, to);
             assert!(found.contains(expected), "{to}: {found}");

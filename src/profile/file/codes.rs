@@ -41,7 +41,10 @@ impl CodesFile {
         let groups = reader.table("groups");
         let ends = reader.table("ends");
         let form = reader.optional("form", &Kind::one_of(&FORMS));
-        let separator = reader.optional("separator", &Kind::parsed("text", |text| Some(text.to_owned())));
+        let separator = reader.optional(
+            "separator",
+            &Kind::parsed("text", |text| Some(text.to_owned())),
+        );
         let distance = Kind::number(1..=10_000_i32);
         let group = reader.optional("group", &distance);
         let number = reader.optional("number", &distance);
@@ -52,30 +55,50 @@ impl CodesFile {
             for (key, given) in [("group", &group), ("number", &number), ("offset", &offset)] {
                 linear_only(key, given, reader.problems());
             }
-        } else if matches!((&separator, &group), (OptionalKey::Absent, OptionalKey::Valid(_))) {
+        } else if matches!(
+            (&separator, &group),
+            (OptionalKey::Absent, OptionalKey::Valid(_))
+        ) {
             linear_only("group", &group, reader.problems());
         }
         let form = match (groups, form) {
-            (OptionalKey::Absent, OptionalKey::Valid(_)) if is_linear => {
-                Some(CodesForm::Linear { separator, group, number, offset })
-            }
+            (OptionalKey::Absent, OptionalKey::Valid(_)) if is_linear => Some(CodesForm::Linear {
+                separator,
+                group,
+                number,
+                offset,
+            }),
             (OptionalKey::Valid(section), OptionalKey::Absent) => {
                 let groups = read_groups(reader.open(section.value));
                 let ends = read_ends(ends, &groups, &mut reader);
-                Some(CodesForm::Groups { groups, ends, separator })
+                Some(CodesForm::Groups {
+                    groups,
+                    ends,
+                    separator,
+                })
             }
             (OptionalKey::Absent, OptionalKey::Valid(_)) => {
                 no_separator(&separator, reader.problems());
                 if let OptionalKey::Valid(Spanned { location, .. }) = &ends {
-                    reader.problems().push(location.problem("`ends` applies to `groups` only").right("leave it out"));
+                    reader.problems().push(
+                        location
+                            .problem("`ends` applies to `groups` only")
+                            .right("leave it out"),
+                    );
                 }
                 Some(CodesForm::Hexadecimal)
             }
-            (OptionalKey::Invalid, OptionalKey::Absent) | (OptionalKey::Absent, OptionalKey::Invalid) => None,
-            (OptionalKey::Absent, OptionalKey::Absent) => no_form(&location, "has no rule", reader.problems()),
+            (OptionalKey::Invalid, OptionalKey::Absent)
+            | (OptionalKey::Absent, OptionalKey::Invalid) => None,
+            (OptionalKey::Absent, OptionalKey::Absent) => {
+                no_form(&location, "has no rule", reader.problems())
+            }
             _ => no_form(&location, "has two rules", reader.problems()),
         };
-        let codes = Self { form, origin: facts.origin(&mut reader) };
+        let codes = Self {
+            form,
+            origin: facts.origin(&mut reader),
+        };
         reader.finish();
         codes
     }
@@ -85,14 +108,23 @@ impl CodesFile {
         let origin = fact((), self.origin.as_ref())?;
         Some(match self.form.as_ref()? {
             CodesForm::Hexadecimal => CodeRule::Hexadecimal(origin),
-            CodesForm::Linear { separator, group, number, offset } => CodeRule::Linear {
+            CodesForm::Linear {
+                separator,
+                group,
+                number,
+                offset,
+            } => CodeRule::Linear {
                 separator: separator.clone().optional()?,
                 group: group.or(100)?,
                 number: number.or(1)?,
                 offset: offset.or(0)?,
                 origin,
             },
-            CodesForm::Groups { groups, ends, separator } => CodeRule::Groups {
+            CodesForm::Groups {
+                groups,
+                ends,
+                separator,
+            } => CodeRule::Groups {
                 groups: groups.clone(),
                 ends: ends.clone(),
                 separator: separator.or(String::new())?,
@@ -105,10 +137,17 @@ impl CodesFile {
 fn read_groups(mut reader: Reader<'_, '_>) -> Vec<(String, u8)> {
     let location = reader.location().clone();
     if reader.is_empty() {
-        reader.problems().push(location.problem("is empty").right("at least one group with its high byte"));
+        reader.problems().push(
+            location
+                .problem("is empty")
+                .right("at least one group with its high byte"),
+        );
     }
     let groups = reader.all(&Kind::number(0..=u8::MAX));
-    groups.into_iter().map(|(name, byte)| (name, byte.value)).collect()
+    groups
+        .into_iter()
+        .map(|(name, byte)| (name, byte.value))
+        .collect()
 }
 
 /// The last number of each group that ends early; each must be one of `groups`.
@@ -117,7 +156,9 @@ fn read_ends<'a>(
     groups: &[(String, u8)],
     reader: &mut Reader<'a, '_>,
 ) -> Vec<(String, u8)> {
-    let OptionalKey::Valid(Spanned { value: section, .. }) = ends else { return Vec::new() };
+    let OptionalKey::Valid(Spanned { value: section, .. }) = ends else {
+        return Vec::new();
+    };
     let ends = reader.open(section).all(&Kind::number(0..=u8::MAX));
     for (name, end) in &ends {
         if !groups.iter().any(|(group, _)| group == name) {
@@ -125,12 +166,18 @@ fn read_ends<'a>(
             reader.problems().push(problem.right("one of `groups`"));
         }
     }
-    ends.into_iter().map(|(name, end)| (name, end.value)).collect()
+    ends.into_iter()
+        .map(|(name, end)| (name, end.value))
+        .collect()
 }
 
 fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
     if let OptionalKey::Valid(Spanned { location, .. }) = separator {
-        problems.push(location.problem("`separator` applies to `groups` only").right("leave it out"));
+        problems.push(
+            location
+                .problem("`separator` applies to `groups` only")
+                .right("leave it out"),
+        );
     }
 }
 
@@ -138,12 +185,20 @@ fn no_separator(separator: &OptionalKey<String>, problems: &mut Vec<Problem>) {
 fn linear_only(key: &str, given: &OptionalKey<i32>, problems: &mut Vec<Problem>) {
     if let OptionalKey::Valid(Spanned { location, .. }) = given {
         let what = format!("`{key}` applies to `form = \"linear\"` only");
-        let what = if key == "group" { format!("{what}, with a `separator`") } else { what };
+        let what = if key == "group" {
+            format!("{what}, with a `separator`")
+        } else {
+            what
+        };
         problems.push(location.problem(what).right("leave it out"));
     }
 }
 
 fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<CodesForm> {
-    problems.push(location.problem(what).right("either `groups` or `form`, \"hexadecimal\" or \"linear\""));
+    problems.push(
+        location
+            .problem(what)
+            .right("either `groups` or `form`, \"hexadecimal\" or \"linear\""),
+    );
     None
 }

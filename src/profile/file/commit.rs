@@ -24,8 +24,12 @@ pub(in crate::profile) struct CommitWordFile {
 impl CommitFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let commit = Self {
-            apply: super::given(&mut reader, "apply", |reader| CommitWordFile::read(facts, reader)),
-            store: super::given(&mut reader, "store", |reader| CommitWordFile::read(facts, reader)),
+            apply: super::given(&mut reader, "apply", |reader| {
+                CommitWordFile::read(facts, reader)
+            }),
+            store: super::given(&mut reader, "store", |reader| {
+                CommitWordFile::read(facts, reader)
+            }),
         };
         reader.finish();
         commit
@@ -33,7 +37,10 @@ impl CommitFile {
 
     /// Its words.
     pub fn words(&self) -> impl Iterator<Item = &CommitWordFile> {
-        [&self.apply, &self.store].into_iter().filter_map(|word| word.valid()).map(|word| &word.value)
+        [&self.apply, &self.store]
+            .into_iter()
+            .filter_map(|word| word.valid())
+            .map(|word| &word.value)
     }
 
     /// `None` if any part is unusable.

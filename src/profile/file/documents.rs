@@ -22,7 +22,13 @@ impl DocumentsFile {
                 Entry::Value(title) => {
                     let kind = DocumentKind::Manual;
                     let title = title.value;
-                    Some(Document { name: name.clone(), title, kind, of: Vec::new(), made_from: None })
+                    Some(Document {
+                        name: name.clone(),
+                        title,
+                        kind,
+                        of: Vec::new(),
+                        made_from: None,
+                    })
                 }
                 Entry::Table(section) => document(&name, reader.open(section), &mut made_from),
             };
@@ -32,7 +38,9 @@ impl DocumentsFile {
         for from in made_from {
             if all.find(&from.value).is_none() {
                 let names: Vec<_> = all.names().map(|name| format!("\"{name}\"")).collect();
-                let problem = from.location.problem(format!("there is no document `{}`", from.value));
+                let problem = from
+                    .location
+                    .problem(format!("there is no document `{}`", from.value));
                 reader.problems().push(problem.right(names.join(" or ")));
             }
         }
@@ -46,17 +54,32 @@ impl DocumentsFile {
 
     /// Whether any of them is of the model `id`.
     pub(super) fn cover(&self, id: &str) -> bool {
-        self.0.iter().any(|(_, document)| document.as_ref().is_none_or(|it| it.is_of(id)))
+        self.0
+            .iter()
+            .any(|(_, document)| document.as_ref().is_none_or(|it| it.is_of(id)))
     }
 
     /// What to report where no document is of the model `id` and the facts of `claims` claim more than that supports.
-    pub(super) fn without_document(&self, id: &Spanned<String>, claims: Vec<Problem>) -> Vec<Problem> {
+    pub(super) fn without_document(
+        &self,
+        id: &Spanned<String>,
+        claims: Vec<Problem>,
+    ) -> Vec<Problem> {
         if claims.len() < 2 {
             return claims;
         }
-        let of: BTreeSet<_> = self.0.iter().filter_map(|(_, it)| it.as_ref()).flat_map(|it| &it.of).collect();
+        let of: BTreeSet<_> = self
+            .0
+            .iter()
+            .filter_map(|(_, it)| it.as_ref())
+            .flat_map(|it| &it.of)
+            .collect();
         let of: Vec<_> = of.into_iter().map(|of| format!("`{of}`")).collect();
-        let what = format!("no document is of `{}`, and {} facts need one", id.value, claims.len());
+        let what = format!(
+            "no document is of `{}`, and {} facts need one",
+            id.value,
+            claims.len()
+        );
         let right = format!("{}, or this one in `of` of its manual", of.join(", "));
         vec![id.location.problem(what).right(right)]
     }
@@ -66,14 +89,20 @@ impl DocumentsFile {
         let mut origins = BTreeSet::new();
         let mut next = Some(name);
         while let Some(name) = next.filter(|name| origins.insert(*name)) {
-            next = self.find(name).flatten().and_then(|document| document.made_from.as_deref());
+            next = self
+                .find(name)
+                .flatten()
+                .and_then(|document| document.made_from.as_deref());
         }
         origins
     }
 
     /// The document called `name`: `None` if there is none, `Some(None)` if it is unusable.
     pub(in crate::profile) fn find(&self, name: &str) -> Option<Option<&Document>> {
-        self.0.iter().find(|(it, _)| it == name).map(|(_, document)| document.as_ref())
+        self.0
+            .iter()
+            .find(|(it, _)| it == name)
+            .map(|(_, document)| document.as_ref())
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -82,25 +111,42 @@ impl DocumentsFile {
 
     /// `None` if any of them is unusable.
     pub(super) fn ready(&self) -> Option<Vec<Document>> {
-        self.0.iter().map(|(_, document)| document.clone()).collect()
+        self.0
+            .iter()
+            .map(|(_, document)| document.clone())
+            .collect()
     }
 }
 
-fn document(name: &str, mut reader: Reader<'_, '_>, all_from: &mut Vec<Spanned<String>>) -> Option<Document> {
+fn document(
+    name: &str,
+    mut reader: Reader<'_, '_>,
+    all_from: &mut Vec<Spanned<String>>,
+) -> Option<Document> {
     let title = reader.required("title", &Kind::text());
     let kind: RequiredKey<DocumentKind> = reader.required("kind", &Kind::one_of(&DOCUMENT_KINDS));
     let of = match reader.list("of", &Kind::text()) {
-        OptionalKey::Valid(of) => {
-            filled_with(of, &Kind::text(), reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
-        }
+        OptionalKey::Valid(of) => filled_with(of, &Kind::text(), reader.problems())
+            .map_or(OptionalKey::Invalid, OptionalKey::Valid),
         other => other,
     };
     let made_from = reader.optional("made_from", &Kind::text());
     all_from.extend(made_from.valid().cloned());
     reader.finish();
     let made_from = made_from.optional()?;
-    let of = of.optional()?.unwrap_or_default().into_iter().map(|it| it.value).collect();
-    Some(Document { name: name.to_owned(), title: title?.value, kind: kind?.value, of, made_from })
+    let of = of
+        .optional()?
+        .unwrap_or_default()
+        .into_iter()
+        .map(|it| it.value)
+        .collect();
+    Some(Document {
+        name: name.to_owned(),
+        title: title?.value,
+        kind: kind?.value,
+        of,
+        made_from,
+    })
 }
 
 /// A description of `document`, and the best confidence it supports for facts of the model `id`.
@@ -111,6 +157,10 @@ pub(super) fn at_best(document: &Document, id: &str) -> (String, Confidence) {
     };
     let kind = format!("{article} {}", document.kind.word());
     let best = document.best(id);
-    let of = if document.is_of(id) { "this model".to_owned() } else { document.of.join(", ") };
+    let of = if document.is_of(id) {
+        "this model".to_owned()
+    } else {
+        document.of.join(", ")
+    };
     (format!("`{}` is {kind} of {of}", document.name), best)
 }

@@ -4,7 +4,8 @@ use super::facts::{FactFile, Facts, Origin, fact, optional, whole};
 use crate::domain::address::{Address, Table};
 use crate::domain::problem::Problem;
 use crate::profile::model::{
-    Barrier, BarrierRead, BlockWrite, Boundary, Fact, Holes, ReadArea, ReadLimits, RefusedWrite, WriteRules,
+    Barrier, BarrierRead, BlockWrite, Boundary, Fact, Holes, ReadArea, ReadLimits, RefusedWrite,
+    WriteRules,
 };
 use crate::profile::words::{BOUNDARIES, HOLES, REFUSED_WRITES, TABLES};
 use crate::toml_file::values::Kind;
@@ -31,10 +32,18 @@ impl ReadFile {
         let read = Self {
             max_words: facts.value(&mut reader, "max_words", &words),
             max_words_ascii: facts.optional_value(&mut reader, "max_words_ascii", &words),
-            max_bytes: facts.optional_value(&mut reader, "max_bytes", &Kind::number(LEAST_FRAME..=256_u16)),
+            max_bytes: facts.optional_value(
+                &mut reader,
+                "max_bytes",
+                &Kind::number(LEAST_FRAME..=256_u16),
+            ),
             boundary: reader.optional("boundary", &Kind::one_of(&BOUNDARIES)),
             holes: facts.optional_value(&mut reader, "holes", &Kind::one_of(&HOLES)),
-            areas: reader.tables("area").into_iter().map(|it| AreaFile::read(facts, reader.open(it))).collect(),
+            areas: reader
+                .tables("area")
+                .into_iter()
+                .map(|it| AreaFile::read(facts, reader.open(it)))
+                .collect(),
         };
         reader.finish();
         read
@@ -44,12 +53,19 @@ impl ReadFile {
     pub fn ready(&self) -> Option<ReadLimits> {
         let max_bytes = optional(self.max_bytes.as_ref())?;
         // A frame that is too long is refused whatever it reads.
-        let fitting = max_bytes.as_ref().map(|bytes| Fact { value: words_in(bytes.value), ..bytes.clone() });
+        let fitting = max_bytes.as_ref().map(|bytes| Fact {
+            value: words_in(bytes.value),
+            ..bytes.clone()
+        });
         let within = |words: Fact<u16>| match &fitting {
             Some(fitting) if fitting.value < words.value => fitting.clone(),
             _ => words,
         };
-        let mut areas = self.areas.iter().map(AreaFile::ready).collect::<Option<Vec<_>>>()?;
+        let mut areas = self
+            .areas
+            .iter()
+            .map(AreaFile::ready)
+            .collect::<Option<Vec<_>>>()?;
         areas.sort_by_key(|area| (area.table, area.from));
         for area in &mut areas {
             area.max_words = within(area.max_words.clone());
@@ -73,7 +89,11 @@ const REPLY_BYTES: u16 = 5;
 /// The words in a reply of at most `bytes`.
 const fn words_in(bytes: u16) -> u16 {
     let words = (bytes - REPLY_BYTES) / 2;
-    if words < READ_WORDS_MAX { words } else { READ_WORDS_MAX }
+    if words < READ_WORDS_MAX {
+        words
+    } else {
+        READ_WORDS_MAX
+    }
 }
 
 /// One of `[[read.area]]`
@@ -117,7 +137,9 @@ pub(in crate::profile) struct WriteFile {
 
 impl WriteFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
-        let block = |reader: &mut Reader<'_, '_>| whole(reader, |reader| BlockFile::read(reader, BLOCK_WORDS_MAX));
+        let block = |reader: &mut Reader<'_, '_>| {
+            whole(reader, |reader| BlockFile::read(reader, BLOCK_WORDS_MAX))
+        };
         let write = Self {
             refused: facts.value(&mut reader, "refused", &Kind::one_of(&REFUSED_WRITES)),
             block: facts.optional(&mut reader, "block", block),
@@ -135,7 +157,10 @@ impl WriteFile {
                 count: block.and_then(|it| Some(it.count.as_ref()?.value))?,
             }),
         };
-        Some(WriteRules { refused: self.refused.ready()?, block })
+        Some(WriteRules {
+            refused: self.refused.ready()?,
+            block,
+        })
     }
 }
 
@@ -157,7 +182,10 @@ impl BlockFile {
 
     /// The first address; `None` if it is unusable.
     pub fn first(&self) -> Option<Address> {
-        Some(Address::new(self.table.or(Table::Holding)?, self.address.as_ref()?.value))
+        Some(Address::new(
+            self.table.or(Table::Holding)?,
+            self.address.as_ref()?.value,
+        ))
     }
 }
 
@@ -179,7 +207,11 @@ impl BarrierFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let read = match reader.table("read") {
             OptionalKey::Absent => None,
-            OptionalKey::Invalid => Some(BlockFile { table: OptionalKey::Invalid, address: None, count: None }),
+            OptionalKey::Invalid => Some(BlockFile {
+                table: OptionalKey::Invalid,
+                address: None,
+                count: None,
+            }),
             OptionalKey::Valid(section) => {
                 let mut reader = reader.open(section.value);
                 let block = BlockFile::read(&mut reader, 125);
@@ -188,7 +220,8 @@ impl BarrierFile {
             }
         };
         let loop_test = facts.switch(&mut reader, "loop_test");
-        let refused = facts.optional_value(&mut reader, "refused_function", &Kind::number(1..=127_u8));
+        let refused =
+            facts.optional_value(&mut reader, "refused_function", &Kind::number(1..=127_u8));
         let location = reader.location().clone();
         let form = match (read, loop_test, refused) {
             (Some(read), None, None) => Some(BarrierForm::Read(read)),
@@ -204,9 +237,10 @@ impl BarrierFile {
     /// `None` if any part is unusable.
     pub(super) fn ready(&self) -> Option<Barrier> {
         Some(match self.form.as_ref()? {
-            BarrierForm::Read(block) => {
-                Barrier::Read(BarrierRead { address: block.first()?, count: block.count.as_ref()?.value })
-            }
+            BarrierForm::Read(block) => Barrier::Read(BarrierRead {
+                address: block.first()?,
+                count: block.count.as_ref()?.value,
+            }),
             BarrierForm::LoopTest(fact) => Barrier::Loop(fact.ready()?),
             BarrierForm::Refused(function) => Barrier::Refused(function.ready()?),
         })
@@ -214,6 +248,10 @@ impl BarrierFile {
 }
 
 fn no_form(location: &Location, what: &str, problems: &mut Vec<Problem>) -> Option<BarrierForm> {
-    problems.push(location.problem(what).right("exactly one of `read`, `loop_test` and `refused_function`"));
+    problems.push(
+        location
+            .problem(what)
+            .right("exactly one of `read`, `loop_test` and `refused_function`"),
+    );
     None
 }

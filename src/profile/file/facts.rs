@@ -20,7 +20,10 @@ pub(in crate::profile) struct FactFile<T> {
 }
 
 impl<T> FactFile<T> {
-    const UNUSABLE: Self = Self { value: None, origin: None };
+    const UNUSABLE: Self = Self {
+        value: None,
+        origin: None,
+    };
 
     /// The fact with its value converted by `make`; `None` if any part is unusable.
     pub fn and_then<U>(&self, make: impl FnOnce(&T) -> Option<U>) -> Option<Fact<U>> {
@@ -38,7 +41,11 @@ impl<T: Clone> FactFile<T> {
 /// `value` with its origin; `None` if the origin is unusable.
 pub(super) fn fact<T>(value: T, origin: Option<&Origin>) -> Option<Fact<T>> {
     let (confidence, source) = origin?.clone();
-    Some(Fact { value, confidence, source })
+    Some(Fact {
+        value,
+        confidence,
+        source,
+    })
 }
 
 /// `Some(None)` if the fact is left out; `None` if it is unusable.
@@ -63,7 +70,12 @@ pub(super) struct Facts<'d> {
 
 impl Facts<'_> {
     /// The fact `key`, with its value under `value`.
-    pub fn value<T>(&self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> FactFile<T> {
+    pub fn value<T>(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> FactFile<T> {
         self.needed(reader, key, |reader| reader.required("value", kind))
     }
 
@@ -83,7 +95,12 @@ impl Facts<'_> {
     }
 
     /// The fact `key`, whose value is a list under `value`.
-    pub fn list<T>(&self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> FactFile<Vec<T>> {
+    pub fn list<T>(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        key: &'static str,
+        kind: &Kind<'_, T>,
+    ) -> FactFile<Vec<T>> {
         self.needed(reader, key, |reader| filled_list(reader, "value", kind))
     }
 
@@ -120,7 +137,10 @@ impl Facts<'_> {
         mut reader: Reader<'_, '_>,
         value: impl FnOnce(&mut Reader<'_, '_>) -> RequiredKey<T>,
     ) -> FactFile<T> {
-        let fact = FactFile { value: value(&mut reader), origin: self.origin(&mut reader) };
+        let fact = FactFile {
+            value: value(&mut reader),
+            origin: self.origin(&mut reader),
+        };
         reader.finish();
         fact
     }
@@ -130,16 +150,23 @@ impl Facts<'_> {
         let confidence = reader.required("confidence", &Kind::one_of(&CONFIDENCES));
         let right = "a document's short name and a place in it, or the reason for a default";
         let source = reader.required("source", &Kind::parsed(right, filled));
-        let also = reader.optional("also", &Kind::parsed("another document's short name and a place in it", filled));
+        let also = reader.optional(
+            "also",
+            &Kind::parsed("another document's short name and a place in it", filled),
+        );
         if let (Some(source), Some(also)) = (&source, also.valid())
             && self.is_second(source, also, confidence.as_ref(), reader.problems())
         {
             let key = key_of(reader.section());
-            self.second.borrow_mut().push(SecondSource { key, source: also.value.clone() });
+            self.second.borrow_mut().push(SecondSource {
+                key,
+                source: also.value.clone(),
+            });
         }
         let confidence = confidence.filter(|it| self.may_be(it, reader.problems()))?;
         let cites = confidence.value != Confidence::Default;
-        let source = source.filter(|it| !cites || self.is_cited(it, &confidence, reader.problems()))?;
+        let source =
+            source.filter(|it| !cites || self.is_cited(it, &confidence, reader.problems()))?;
         Some((confidence.value, source.value))
     }
 
@@ -152,16 +179,30 @@ impl Facts<'_> {
         problems: &mut Vec<Problem>,
     ) -> bool {
         if confidence.is_some_and(|confidence| confidence.value == Confidence::Default) {
-            problems.push(also.location.problem("a default has no source").right("leave it out"));
+            problems.push(
+                also.location
+                    .problem("a default has no source")
+                    .right("leave it out"),
+            );
             return false;
         }
-        let Some(documents) = self.documents else { return true };
-        let Some(Some(second)) = cited(documents, also, problems) else { return false };
+        let Some(documents) = self.documents else {
+            return true;
+        };
+        let Some(Some(second)) = cited(documents, also, problems) else {
+            return false;
+        };
         let (first, _) = source.value.split_once(' ').unwrap_or((&source.value, ""));
         let is_second = documents.are_independent(first, &second.name);
         if !is_second {
-            let how = if first == second.name { "is" } else { "was made from the same as" };
-            let problem = also.location.problem(format!("`{}` {how} the document of `source`", second.name));
+            let how = if first == second.name {
+                "is"
+            } else {
+                "was made from the same as"
+            };
+            let problem = also
+                .location
+                .problem(format!("`{}` {how} the document of `source`", second.name));
             problems.push(problem.right("an independent document, or leave it out"));
         }
         is_second
@@ -170,7 +211,9 @@ impl Facts<'_> {
     fn may_be(&self, confidence: &Spanned<Confidence>, problems: &mut Vec<Problem>) -> bool {
         let what = match confidence.value {
             Confidence::Default if !self.defaults => "`default` is allowed for timings only",
-            Confidence::Configured => "`configured` is reserved for registers added by the gateway's configuration",
+            Confidence::Configured => {
+                "`configured` is reserved for registers added by the gateway's configuration"
+            }
             _ => return true,
         };
         let right = "\"manual\", \"second-source\", \"third-party\", \"sibling\" or \"inferred\"";
@@ -185,15 +228,23 @@ impl Facts<'_> {
         confidence: &Spanned<Confidence>,
         problems: &mut Vec<Problem>,
     ) -> bool {
-        let Some(documents) = self.documents else { return true };
-        let Some(document) = cited(documents, source, problems) else { return false };
-        let (Some(document), Some(model)) = (document, self.model) else { return true };
+        let Some(documents) = self.documents else {
+            return true;
+        };
+        let Some(document) = cited(documents, source, problems) else {
+            return false;
+        };
+        let (Some(document), Some(model)) = (document, self.model) else {
+            return true;
+        };
         let (what, best) = at_best(document, model);
         if confidence.value >= best {
             return true;
         }
         let word = confidence.value.word();
-        let problem = confidence.location.problem(format!("the source does not support \"{word}\": {what}"));
+        let problem = confidence
+            .location
+            .problem(format!("the source does not support \"{word}\": {what}"));
         let problem = problem.right(format!("at best \"{}\", or another source", best.word()));
         if documents.cover(model) {
             problems.push(problem);
@@ -213,8 +264,14 @@ fn cited<'d>(
     let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
     let document = documents.find(name).filter(|_| !location.is_empty());
     if document.is_none() {
-        let names: Vec<_> = documents.names().map(|name| format!("`{name} ...`")).collect();
-        let what = format!("`{}` does not cite a place in a declared document", source.value);
+        let names: Vec<_> = documents
+            .names()
+            .map(|name| format!("`{name} ...`"))
+            .collect();
+        let what = format!(
+            "`{}` does not cite a place in a declared document",
+            source.value
+        );
         problems.push(source.location.problem(what).right(names.join(" or ")));
     }
     document
@@ -223,14 +280,22 @@ fn cited<'d>(
 /// The fact in `section`, as `without` calls it.
 fn key_of(section: &Section<'_>) -> String {
     let key = &section.location.key;
-    let row = key.split_once('[').and_then(|(list, _)| row_of(list, section.table));
+    let row = key
+        .split_once('[')
+        .and_then(|(list, _)| row_of(list, section.table));
     row.unwrap_or_else(|| key.clone())
 }
 
 /// A value with several parts beside confidence and source, at the location of its table.
-pub(super) fn whole<T>(reader: &mut Reader<'_, '_>, parts: impl FnOnce(&mut Reader<'_, '_>) -> T) -> RequiredKey<T> {
+pub(super) fn whole<T>(
+    reader: &mut Reader<'_, '_>,
+    parts: impl FnOnce(&mut Reader<'_, '_>) -> T,
+) -> RequiredKey<T> {
     let value = parts(reader);
-    Some(Spanned { value, location: reader.location().clone() })
+    Some(Spanned {
+        value,
+        location: reader.location().clone(),
+    })
 }
 
 /// A list with at least one element.
@@ -240,8 +305,14 @@ pub(super) fn filled_list<T>(
     kind: &Kind<'_, T>,
 ) -> RequiredKey<Vec<T>> {
     let list = reader.required_list(key, kind)?;
-    let Spanned { value: list, location } = filled_with(list, kind, reader.problems())?;
-    Some(Spanned { value: list.into_iter().map(|written| written.value).collect(), location })
+    let Spanned {
+        value: list,
+        location,
+    } = filled_with(list, kind, reader.problems())?;
+    Some(Spanned {
+        value: list.into_iter().map(|written| written.value).collect(),
+        location,
+    })
 }
 
 /// `list` if it has at least one element.
@@ -251,7 +322,11 @@ pub(super) fn filled_with<T>(
     problems: &mut Vec<Problem>,
 ) -> RequiredKey<Vec<Spanned<T>>> {
     if list.value.is_empty() {
-        problems.push(list.location.problem("is empty").right(format!("at least {}", kind.right())));
+        problems.push(
+            list.location
+                .problem("is empty")
+                .right(format!("at least {}", kind.right())),
+        );
         return None;
     }
     Some(list)

@@ -31,15 +31,21 @@ pub(in crate::profile) struct LinkFile {
 impl LinkFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let link = Self {
-            default: facts.needed(&mut reader, "default", |reader| whole(reader, DefaultFile::read)),
+            default: facts.needed(&mut reader, "default", |reader| {
+                whole(reader, DefaultFile::read)
+            }),
             bauds: facts.list(&mut reader, "bauds", &Kind::number(BAUDS)),
             parities: facts.list(&mut reader, "parities", &Kind::one_of(&PARITIES)),
             stop_bits: facts.list(&mut reader, "stop_bits", &Kind::number(1..=2_u8)),
             data_bits: facts.list(&mut reader, "data_bits", &Kind::number(7..=8_u8)),
             framings: facts.list(&mut reader, "framings", &Kind::one_of(&FRAMINGS)),
             interfaces: facts.list(&mut reader, "interfaces", &Kind::one_of(&INTERFACES)),
-            stations: facts.needed(&mut reader, "stations", |reader| whole(reader, StationsFile::read)),
-            broadcast: facts.optional(&mut reader, "broadcast", |reader| whole(reader, BroadcastFile::read)),
+            stations: facts.needed(&mut reader, "stations", |reader| {
+                whole(reader, StationsFile::read)
+            }),
+            broadcast: facts.optional(&mut reader, "broadcast", |reader| {
+                whole(reader, BroadcastFile::read)
+            }),
         };
         reader.finish();
         link
@@ -60,7 +66,14 @@ impl LinkFile {
                 None => None,
                 Some(broadcast) => Some(Broadcast {
                     station: broadcast.and_then(|it| Some(it.station.as_ref()?.value))?,
-                    functions: broadcast.value.as_ref()?.value.functions.as_ref()?.value.clone(),
+                    functions: broadcast
+                        .value
+                        .as_ref()?
+                        .value
+                        .functions
+                        .as_ref()?
+                        .value
+                        .clone(),
                 }),
             },
         })
@@ -106,14 +119,22 @@ impl DefaultFile {
 }
 
 /// The part `key` of a factory setting, which has no place beside `ask`.
-fn unless<T>(asks: bool, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<'_, T>) -> RequiredKey<T> {
+fn unless<T>(
+    asks: bool,
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    kind: &Kind<'_, T>,
+) -> RequiredKey<T> {
     if !asks {
         return reader.required(key, kind);
     }
     if let OptionalKey::Valid(given) = reader.optional(key, kind) {
-        let problem =
-            given.location.problem(format!("`ask` says that nobody knows the factory setting, `{key}` what it is"));
-        reader.problems().push(problem.right("one of both: leave out `ask`, or the setting"));
+        let problem = given.location.problem(format!(
+            "`ask` says that nobody knows the factory setting, `{key}` what it is"
+        ));
+        reader
+            .problems()
+            .push(problem.right("one of both: leave out `ask`, or the setting"));
     }
     None
 }
@@ -175,9 +196,17 @@ impl TimingFile {
             processing_max: facts.optional_value(&mut reader, "processing_max", &time),
             stored_write_max: facts.optional_value(&mut reader, "stored_write_max", &time),
             reply_delay_max: facts.optional_value(&mut reader, "reply_delay_max", &time),
-            reply_char_bits: facts.optional_value(&mut reader, "reply_char_bits", &Kind::number(7..=13_u8)),
+            reply_char_bits: facts.optional_value(
+                &mut reader,
+                "reply_char_bits",
+                &Kind::number(7..=13_u8),
+            ),
             pause_after_write: facts.optional_value(&mut reader, "pause_after_write", &pause),
-            pause_after_stored_write: facts.optional_value(&mut reader, "pause_after_stored_write", &pause),
+            pause_after_stored_write: facts.optional_value(
+                &mut reader,
+                "pause_after_stored_write",
+                &pause,
+            ),
             max_lateness: facts.value(&mut reader, "max_lateness", &time),
         };
         reader.finish();

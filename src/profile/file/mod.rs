@@ -33,7 +33,9 @@ pub(super) use start::StartStepFile;
 pub(super) use status::{CodeFile, StatusFile};
 
 use super::like::LikeFile;
-use super::model::{Identity, Model, PollClass, Quirks, Register, SecondSource, SetupItem, Watchdog};
+use super::model::{
+    Identity, Model, PollClass, Quirks, Register, SecondSource, SetupItem, Watchdog,
+};
 use super::register::RegisterFile;
 use crate::domain::problem::Problem;
 use crate::toml_file::values::Kind;
@@ -72,8 +74,16 @@ impl ModelFile {
     /// Reads the outermost table of a model file.
     pub fn read(section: Section<'_>, problems: &mut Vec<Problem>) -> Self {
         let mut reader = Reader::new(section, problems);
-        let documents = reader.required_table("documents").map(|it| DocumentsFile::read(reader.open(it)));
-        let id = reader.required("id", &Kind::parsed("`vendor-model`: a to z and 0 to 9 between single dashes", id));
+        let documents = reader
+            .required_table("documents")
+            .map(|it| DocumentsFile::read(reader.open(it)));
+        let id = reader.required(
+            "id",
+            &Kind::parsed(
+                "`vendor-model`: a to z and 0 to 9 between single dashes",
+                id,
+            ),
+        );
         let of = id.as_ref().map(|id| id.value.clone());
         // They are known keys; `like::Whole` has applied them and taken them out.
         LikeFile::read(&mut reader);
@@ -86,29 +96,62 @@ impl ModelFile {
             second: &second,
             without_document: &without_document,
         };
-        let chosen = &Facts { defaults: true, ..*proven };
-        let codes = given(&mut reader, "codes", |reader| CodesFile::read(proven, reader));
+        let chosen = &Facts {
+            defaults: true,
+            ..*proven
+        };
+        let codes = given(&mut reader, "codes", |reader| {
+            CodesFile::read(proven, reader)
+        });
         let rule = codes.valid().and_then(|codes| codes.value.ready());
         let file = Self {
             id,
             vendor: reader.required("vendor", &Kind::text()),
             title: reader.required("title", &Kind::text()),
-            link: reader.required_table("link").map(|it| LinkFile::read(proven, reader.open(it))),
-            timing: reader.required_table("timing").map(|it| TimingFile::read(chosen, reader.open(it))),
+            link: reader
+                .required_table("link")
+                .map(|it| LinkFile::read(proven, reader.open(it))),
+            timing: reader
+                .required_table("timing")
+                .map(|it| TimingFile::read(chosen, reader.open(it))),
             functions: proven.list(&mut reader, "functions", &Kind::number(1..=127_u8)),
-            read: reader.required_table("read").map(|it| ReadFile::read(proven, reader.open(it))),
-            write: reader.required_table("write").map(|it| WriteFile::read(proven, reader.open(it))),
-            exceptions: all(&mut reader, "exception", |reader| CodeFile::read_exception(proven, reader)),
-            quirks: given(&mut reader, "quirks", |reader| QuirksFile::read(proven, reader)),
-            barriers: all(&mut reader, "barrier", |reader| BarrierFile::read(proven, reader)),
+            read: reader
+                .required_table("read")
+                .map(|it| ReadFile::read(proven, reader.open(it))),
+            write: reader
+                .required_table("write")
+                .map(|it| WriteFile::read(proven, reader.open(it))),
+            exceptions: all(&mut reader, "exception", |reader| {
+                CodeFile::read_exception(proven, reader)
+            }),
+            quirks: given(&mut reader, "quirks", |reader| {
+                QuirksFile::read(proven, reader)
+            }),
+            barriers: all(&mut reader, "barrier", |reader| {
+                BarrierFile::read(proven, reader)
+            }),
             run: given(&mut reader, "run", |reader| RunFile::read(proven, reader)),
-            status: all(&mut reader, "status", |reader| StatusFile::read(proven, reader)),
-            trips: all(&mut reader, "trip", |reader| CodeFile::read_code_or_bit(proven, reader)),
-            warnings: all(&mut reader, "warning", |reader| CodeFile::read_code_or_bit(proven, reader)),
-            commit: given(&mut reader, "commit", |reader| CommitFile::read(proven, reader)),
-            setup: all(&mut reader, "setup", |reader| SetupFile::read(proven, reader)),
-            identity: given(&mut reader, "identity", |reader| IdentityFile::read(proven, reader)),
-            watchdog: given(&mut reader, "watchdog", |reader| WatchdogFile::read(proven, reader)),
+            status: all(&mut reader, "status", |reader| {
+                StatusFile::read(proven, reader)
+            }),
+            trips: all(&mut reader, "trip", |reader| {
+                CodeFile::read_code_or_bit(proven, reader)
+            }),
+            warnings: all(&mut reader, "warning", |reader| {
+                CodeFile::read_code_or_bit(proven, reader)
+            }),
+            commit: given(&mut reader, "commit", |reader| {
+                CommitFile::read(proven, reader)
+            }),
+            setup: all(&mut reader, "setup", |reader| {
+                SetupFile::read(proven, reader)
+            }),
+            identity: given(&mut reader, "identity", |reader| {
+                IdentityFile::read(proven, reader)
+            }),
+            watchdog: given(&mut reader, "watchdog", |reader| {
+                WatchdogFile::read(proven, reader)
+            }),
             codes,
             registers: all(&mut reader, "register", |mut reader| {
                 let origin = proven.origin(&mut reader);
@@ -127,7 +170,10 @@ impl ModelFile {
 
     /// The model; `None` if any part of the file is unusable.
     pub fn ready(&self) -> Option<Model> {
-        let ready = self.registers.iter().map(|it| it.register_among(&self.registers));
+        let ready = self
+            .registers
+            .iter()
+            .map(|it| it.register_among(&self.registers));
         let mut registers = ready.collect::<Option<Vec<_>>>()?;
         registers.sort_by_key(|register| register.address);
         let watchdog = made(&self.watchdog, |it| it.ready(&self.registers))?;
@@ -139,10 +185,15 @@ impl ModelFile {
         }
         poll_bases(&mut registers);
         let mut run = made(&self.run, |it| it.ready(&self.registers))?;
-        run.iter_mut().for_each(|run| orders::bind(run, &mut registers));
+        run.iter_mut()
+            .for_each(|run| orders::bind(run, &mut registers));
         for state in run.iter().flat_map(|run| &run.states) {
-            let shown = registers.iter_mut().find(|it| it.address == state.address && it.poll.is_some());
-            shown.into_iter().for_each(|register| register.states.push(state.masked()));
+            let shown = registers
+                .iter_mut()
+                .find(|it| it.address == state.address && it.poll.is_some());
+            shown
+                .into_iter()
+                .for_each(|register| register.states.push(state.masked()));
         }
         Some(Model {
             id: self.id.as_ref()?.value.clone(),
@@ -156,7 +207,11 @@ impl ModelFile {
             read: self.read.as_ref()?.ready()?,
             write: self.write.as_ref()?.ready()?,
             exceptions: each(&self.exceptions, CodeFile::ready)?,
-            exception_kinds: self.exceptions.iter().filter_map(CodeFile::ready_kind).collect(),
+            exception_kinds: self
+                .exceptions
+                .iter()
+                .filter_map(CodeFile::ready_kind)
+                .collect(),
             quirks: made(&self.quirks, QuirksFile::ready)?.unwrap_or_else(Quirks::default),
             barriers: each(&self.barriers, BarrierFile::ready)?,
             run,
@@ -176,7 +231,8 @@ impl ModelFile {
 
 /// The settings of the drive's own watchdog are polled at least once a minute.
 fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
-    let is_part = |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
+    let is_part =
+        |it: &Watchdog| it.time == register.address || it.action == Some(register.address);
     if watchdog.is_some_and(is_part) && matches!(register.poll, None | Some(PollClass::Hourly)) {
         register.poll = Some(PollClass::Minutely);
     }
@@ -184,8 +240,13 @@ fn poll_watchdog(watchdog: Option<&Watchdog>, register: &mut Register) {
 
 /// The settings on which orders rest are polled at least once a minute, so that a wrong one is shown before an order is
 /// refused; the drive's identity is polled every hour.
-fn poll_what_orders_need(setup: &[SetupItem], identity: Option<&Identity>, register: &mut Register) {
-    let is_needed = |item: &SetupItem| item.address == Some(register.address) && !item.needed_for.is_empty();
+fn poll_what_orders_need(
+    setup: &[SetupItem],
+    identity: Option<&Identity>,
+    register: &mut Register,
+) {
+    let is_needed =
+        |item: &SetupItem| item.address == Some(register.address) && !item.needed_for.is_empty();
     if setup.iter().any(is_needed) && matches!(register.poll, None | Some(PollClass::Hourly)) {
         register.poll = Some(PollClass::Minutely);
     }
@@ -196,28 +257,50 @@ fn poll_what_orders_need(setup: &[SetupItem], identity: Option<&Identity>, regis
 
 /// What a value depends on is polled with the slow ones: it may be changed at the drive.
 fn poll_bases(registers: &mut [Register]) {
-    let bases: Vec<_> = registers.iter().flat_map(|register| register.form.bases()).collect();
-    for register in registers.iter_mut().filter(|it| it.access.can_read() && bases.contains(&it.address)) {
-        if matches!(register.poll, None | Some(PollClass::Minutely | PollClass::Hourly)) {
+    let bases: Vec<_> = registers
+        .iter()
+        .flat_map(|register| register.form.bases())
+        .collect();
+    for register in registers
+        .iter_mut()
+        .filter(|it| it.access.can_read() && bases.contains(&it.address))
+    {
+        if matches!(
+            register.poll,
+            None | Some(PollClass::Minutely | PollClass::Hourly)
+        ) {
             register.poll = Some(PollClass::Slow);
         }
     }
 }
 
 /// The optional table `key`, read by `read`.
-fn given<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl FnOnce(Reader<'_, '_>) -> T) -> OptionalKey<T> {
+fn given<T>(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    read: impl FnOnce(Reader<'_, '_>) -> T,
+) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
-        }
+        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+            value: read(reader.open(value)),
+            location,
+        }),
     }
 }
 
 /// The tables `[[key]]`, each read by `read`.
-fn all<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: impl Fn(Reader<'_, '_>) -> T) -> Vec<T> {
-    reader.tables(key).into_iter().map(|section| read(reader.open(section))).collect()
+fn all<T>(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    read: impl Fn(Reader<'_, '_>) -> T,
+) -> Vec<T> {
+    reader
+        .tables(key)
+        .into_iter()
+        .map(|section| read(reader.open(section)))
+        .collect()
 }
 
 /// `Some(None)` if the table is left out; `None` if it is unusable.
@@ -234,6 +317,11 @@ fn each<T, U>(parts: &[T], make: impl Fn(&T) -> Option<U>) -> Option<Vec<U>> {
 }
 
 fn id(text: &str) -> Option<String> {
-    let part = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit());
+    let part = |part: &str| {
+        !part.is_empty()
+            && part
+                .bytes()
+                .all(|b| b.is_ascii_lowercase() || b.is_ascii_digit())
+    };
     (text.contains('-') && text.len() <= 64 && text.split('-').all(part)).then(|| text.to_owned())
 }

@@ -3,7 +3,8 @@
 use super::facts::{FactFile, Facts, whole};
 use crate::domain::address::Address;
 use crate::profile::model::{
-    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand, StopBits,
+    Confidence, DirectionWords, Fact, FactPart, OrderKind, OrderPlaces, Register, Role, RunCommand,
+    StopBits,
 };
 use crate::profile::register::{RegisterFile, address_of};
 use crate::toml_file::values::Kind;
@@ -39,7 +40,12 @@ pub(in crate::profile) struct DirectionFile {
 
 impl PlacesFile {
     /// The order `kind`, which may name its register.
-    pub(super) fn order(&mut self, facts: &Facts<'_>, reader: &mut Reader<'_, '_>, kind: OrderKind) -> FactFile<u16> {
+    pub(super) fn order(
+        &mut self,
+        facts: &Facts<'_>,
+        reader: &mut Reader<'_, '_>,
+        kind: OrderKind,
+    ) -> FactFile<u16> {
         facts.needed(reader, kind.word(), |reader| self.parts(reader, kind))
     }
 
@@ -72,7 +78,12 @@ impl PlacesFile {
         value
     }
 
-    fn word(&mut self, reader: &mut Reader<'_, '_>, key: &'static str, kind: &Kind<u16>) -> Option<Spanned<u16>> {
+    fn word(
+        &mut self,
+        reader: &mut Reader<'_, '_>,
+        key: &'static str,
+        kind: &Kind<u16>,
+    ) -> Option<Spanned<u16>> {
         match reader.optional(key, kind) {
             OptionalKey::Absent => None,
             OptionalKey::Invalid => {
@@ -85,8 +96,12 @@ impl PlacesFile {
 
     /// What the stop does with the bits of an order to run.
     pub(super) fn stop_bits(&self) -> StopBits {
-        let bits = |written: &Option<Spanned<u16>>| written.as_ref().map_or(0, |written| written.value);
-        StopBits { keeps: bits(&self.keep), drops: bits(&self.drop) }
+        let bits =
+            |written: &Option<Spanned<u16>>| written.as_ref().map_or(0, |written| written.value);
+        StopBits {
+            keeps: bits(&self.keep),
+            drops: bits(&self.drop),
+        }
     }
 
     /// `direction`, `reverse_by` and `never`.
@@ -112,14 +127,24 @@ impl PlacesFile {
 
     /// The register that the order `kind` names.
     pub fn named(&self, kind: OrderKind) -> Option<&Spanned<String>> {
-        self.registers.iter().find(|(of, _)| *of == kind).map(|(_, name)| name)
+        self.registers
+            .iter()
+            .find(|(of, _)| *of == kind)
+            .map(|(_, name)| name)
     }
 
     /// Every register that is named, for whatever it is written.
     pub fn names(&self) -> impl Iterator<Item = &Spanned<String>> {
-        let direction = self.direction.iter().filter_map(|fact| fact.value.as_ref()?.value.register.as_ref());
+        let direction = self
+            .direction
+            .iter()
+            .filter_map(|fact| fact.value.as_ref()?.value.register.as_ref());
         let never = self.never.iter().filter_map(|(_, name)| name.valid());
-        self.registers.iter().map(|(_, name)| name).chain(direction).chain(never)
+        self.registers
+            .iter()
+            .map(|(_, name)| name)
+            .chain(direction)
+            .chain(never)
     }
 
     /// The reverse order of a model that writes the direction first, or turns by the sign of the setpoint: the word for
@@ -132,13 +157,21 @@ impl PlacesFile {
             }
             (None, by_sign) => by_sign.as_ref()?.origin.clone()?,
         };
-        Some(Fact { value: forward.value, confidence: confidence.max(forward.confidence), source })
+        Some(Fact {
+            value: forward.value,
+            confidence: confidence.max(forward.confidence),
+            source,
+        })
     }
 
     /// The forbidden words of the register for run commands; `None` if one is unusable.
     pub(super) fn own_never(&self) -> Option<Vec<Fact<u16>>> {
         let is_own = |(_, name): &&(_, OptionalKey<String>)| matches!(name, OptionalKey::Absent);
-        self.never.iter().filter(is_own).map(|(fact, _)| fact.ready()).collect()
+        self.never
+            .iter()
+            .filter(is_own)
+            .map(|(fact, _)| fact.ready())
+            .collect()
     }
 
     /// `None` if any part is unusable.
@@ -146,9 +179,14 @@ impl PlacesFile {
         if self.is_damaged {
             return None;
         }
-        let own = self.registers.iter().map(|(kind, name)| Some((*kind, address_of(&name.value, registers)?)));
+        let own = self
+            .registers
+            .iter()
+            .map(|(kind, name)| Some((*kind, address_of(&name.value, registers)?)));
         let never = self.never.iter().filter(|(_, name)| name.valid().is_some());
-        let never = never.map(|(fact, name)| Some((address_of(&name.valid()?.value, registers)?, fact.ready()?)));
+        let never = never.map(|(fact, name)| {
+            Some((address_of(&name.valid()?.value, registers)?, fact.ready()?))
+        });
         Some(OrderPlaces {
             registers: own.collect::<Option<_>>()?,
             clear: self.clear.as_ref().map(|clear| clear.value),
@@ -179,17 +217,34 @@ impl DirectionFile {
 pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
     let places = run.places.clone();
     if places.by_sign
-        && let Some(command) = registers.iter().find(|it| it.role == Some(Role::FrequencyCommand))
+        && let Some(command) = registers
+            .iter()
+            .find(|it| it.role == Some(Role::FrequencyCommand))
     {
-        let is_stated = command.not_stated.iter().all(|part| !matches!(part, FactPart::Sign | FactPart::Writing));
-        let sureness = if is_stated { command.confidence } else { command.confidence.max(Confidence::Inferred) };
-        run.reverse.iter_mut().for_each(|fact| fact.confidence = fact.confidence.max(sureness));
+        let is_stated = command
+            .not_stated
+            .iter()
+            .all(|part| !matches!(part, FactPart::Sign | FactPart::Writing));
+        let sureness = if is_stated {
+            command.confidence
+        } else {
+            command.confidence.max(Confidence::Inferred)
+        };
+        run.reverse
+            .iter_mut()
+            .for_each(|fact| fact.confidence = fact.confidence.max(sureness));
     }
     let mut written = |address: Address| {
-        let register = registers.iter_mut().find(|it| it.address == address && it.access.can_write())?;
+        let register = registers
+            .iter_mut()
+            .find(|it| it.address == address && it.access.can_write())?;
         register.role = register.role.or(Some(Role::Order));
         let is_inferred = register.not_stated.contains(&FactPart::Writing);
-        Some(if is_inferred { register.confidence.max(Confidence::Inferred) } else { register.confidence })
+        Some(if is_inferred {
+            register.confidence.max(Confidence::Inferred)
+        } else {
+            register.confidence
+        })
     };
     for (kind, address) in &places.registers {
         let sureness = written(*address);
@@ -201,7 +256,9 @@ pub(super) fn bind(run: &mut RunCommand, registers: &mut [Register]) {
         let sureness = written(direction.value.address).unwrap_or(direction.confidence);
         direction.confidence = direction.confidence.max(sureness);
         let least = direction.confidence;
-        run.reverse.iter_mut().for_each(|fact| fact.confidence = fact.confidence.max(least));
+        run.reverse
+            .iter_mut()
+            .for_each(|fact| fact.confidence = fact.confidence.max(least));
     }
     for (address, _) in &places.never {
         written(*address);

@@ -56,8 +56,14 @@ impl QuirksFile {
             decimal_numbers: facts.switch(&mut reader, "decimal_numbers"),
             percent_of_rated: facts.switch(&mut reader, "percent_of_rated"),
             setpoint_before_run: facts.switch(&mut reader, "setpoint_before_run"),
-            stored_alias_bit: facts.optional_value(&mut reader, "stored_alias_bit", &Kind::number(8..=15_u8)),
-            ram_alias: facts.optional(&mut reader, "ram_alias", |reader| whole(reader, AliasFile::read)),
+            stored_alias_bit: facts.optional_value(
+                &mut reader,
+                "stored_alias_bit",
+                &Kind::number(8..=15_u8),
+            ),
+            ram_alias: facts.optional(&mut reader, "ram_alias", |reader| {
+                whole(reader, AliasFile::read)
+            }),
             deaf_after_power_up: facts.optional_value(&mut reader, "deaf_after_power_up", &time),
             deaf_after_reset: facts.optional_value(&mut reader, "deaf_after_reset", &time),
             pause_before_request: facts.optional_value(&mut reader, "pause_before_request", &time),

@@ -20,32 +20,50 @@ pub(super) fn read(reader: &mut Reader<'_, '_>) -> OptionalKey<Vec<ResetStepFile
     match reader.values_or_tables("reset_sequence", &Kind::number(0..=u16::MAX)) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value: entries, location }) => {
-            let value = entries.into_iter().map(|entry| ResetStepFile::read(reader, entry)).collect();
+        OptionalKey::Valid(Spanned {
+            value: entries,
+            location,
+        }) => {
+            let value = entries
+                .into_iter()
+                .map(|entry| ResetStepFile::read(reader, entry))
+                .collect();
             OptionalKey::Valid(Spanned { value, location })
         }
     }
 }
 
 /// `None` if any part is unusable.
-pub(super) fn ready(sequence: &OptionalKey<Vec<ResetStepFile>>, registers: &[RegisterFile]) -> Option<Vec<ResetStep>> {
+pub(super) fn ready(
+    sequence: &OptionalKey<Vec<ResetStepFile>>,
+    registers: &[RegisterFile],
+) -> Option<Vec<ResetStep>> {
     match sequence {
         OptionalKey::Absent => Some(Vec::new()),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(steps) => steps.value.iter().map(|step| step.ready(registers)).collect(),
+        OptionalKey::Valid(steps) => steps
+            .value
+            .iter()
+            .map(|step| step.ready(registers))
+            .collect(),
     }
 }
 
 impl ResetStepFile {
     fn read<'a>(reader: &mut Reader<'a, '_>, entry: Entry<'a, u16>) -> Self {
         match entry {
-            Entry::Value(word) => Self { register: OptionalKey::Absent, value: Some(word), wait: OptionalKey::Absent },
+            Entry::Value(word) => Self {
+                register: OptionalKey::Absent,
+                value: Some(word),
+                wait: OptionalKey::Absent,
+            },
             Entry::Table(section) => {
                 let mut reader = reader.open(section);
                 let step = Self {
                     register: reader.optional("register", &Kind::text()),
                     value: reader.required("value", &Kind::number(0..=u16::MAX)),
-                    wait: reader.optional("wait", &Kind::duration(Duration::from_millis(1)..=WAIT_MAX)),
+                    wait: reader
+                        .optional("wait", &Kind::duration(Duration::from_millis(1)..=WAIT_MAX)),
                 };
                 reader.finish();
                 step
@@ -59,6 +77,10 @@ impl ResetStepFile {
             OptionalKey::Invalid => return None,
             OptionalKey::Valid(name) => Some(address_of(&name.value, registers)?),
         };
-        Some(ResetStep { address, value: self.value.as_ref()?.value, wait: self.wait.or(Duration::ZERO)? })
+        Some(ResetStep {
+            address,
+            value: self.value.as_ref()?.value,
+            wait: self.wait.or(Duration::ZERO)?,
+        })
     }
 }

@@ -46,8 +46,16 @@ impl RunFile {
         let mut places = PlacesFile::default();
         let mut run = Self {
             form: reader.required("form", &Kind::one_of(&FORMS)),
-            bits: reader.tables("bit").into_iter().map(|it| BitFile::read(facts, reader.open(it))).collect(),
-            fields: reader.tables("field").into_iter().map(|it| FieldFile::read(facts, reader.open(it))).collect(),
+            bits: reader
+                .tables("bit")
+                .into_iter()
+                .map(|it| BitFile::read(facts, reader.open(it)))
+                .collect(),
+            fields: reader
+                .tables("field")
+                .into_iter()
+                .map(|it| FieldFile::read(facts, reader.open(it)))
+                .collect(),
             priority: reader.optional("priority", &Kind::number(1..=u16::MAX)),
             stop: places.order(facts, &mut reader, OrderKind::Stop),
             forward: places.order(facts, &mut reader, OrderKind::Forward),
@@ -59,7 +67,11 @@ impl RunFile {
             zero: facts.optional_value(&mut reader, "zero", &Kind::choice(&ZERO_WORDS, zero_means)),
             places: PlacesFile::default(),
             start: StartFile::read(facts, &mut reader),
-            states: reader.tables("state").into_iter().map(|it| StateFile::read(facts, reader.open(it))).collect(),
+            states: reader
+                .tables("state")
+                .into_iter()
+                .map(|it| StateFile::read(facts, reader.open(it)))
+                .collect(),
         };
         places.read_rest(facts, &mut reader);
         run.places = places;
@@ -77,24 +89,34 @@ impl RunFile {
             (OrderKind::Reset, self.reset.as_ref()),
             (OrderKind::Release, self.release.as_ref()),
         ];
-        all.into_iter().filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
+        all.into_iter()
+            .filter_map(|(order, fact)| Some((order, fact?.value.as_ref()?)))
     }
 
     /// The usable meanings of bits and fields.
     pub fn senses(&self) -> WordSenses {
         let bits = self.bits.iter().filter_map(BitFile::sense);
-        WordSenses(bits.chain(self.fields.iter().flat_map(FieldFile::senses)).collect())
+        WordSenses(
+            bits.chain(self.fields.iter().flat_map(FieldFile::senses))
+                .collect(),
+        )
     }
 
     /// Those that are written to the register for run commands.
     pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
-        self.words().filter(|(kind, _)| self.places.named(*kind).is_none())
+        self.words()
+            .filter(|(kind, _)| self.places.named(*kind).is_none())
     }
 
     /// The words that are never written, each with the register that it names.
     pub fn never(&self) -> impl Iterator<Item = (Option<&str>, &Spanned<u16>)> {
         let all = self.places.never.iter();
-        all.filter_map(|(fact, name)| Some((name.valid().map(|name| name.value.as_str()), fact.value.as_ref()?)))
+        all.filter_map(|(fact, name)| {
+            Some((
+                name.valid().map(|name| name.value.as_str()),
+                fact.value.as_ref()?,
+            ))
+        })
     }
 
     /// `None` if any part is unusable.
@@ -104,11 +126,23 @@ impl RunFile {
             form: match self.form.as_ref()?.value {
                 FormWord::Values => RunForm::Values,
                 FormWord::Bits => {
-                    let mut bits = self.bits.iter().map(BitFile::ready).collect::<Option<Vec<_>>>()?;
+                    let mut bits = self
+                        .bits
+                        .iter()
+                        .map(BitFile::ready)
+                        .collect::<Option<Vec<_>>>()?;
                     bits.sort_by_key(|bit| bit.bit.value);
-                    let mut fields = self.fields.iter().map(FieldFile::ready).collect::<Option<Vec<_>>>()?;
+                    let mut fields = self
+                        .fields
+                        .iter()
+                        .map(FieldFile::ready)
+                        .collect::<Option<Vec<_>>>()?;
                     fields.sort_by_key(|field| field.mask.value);
-                    RunForm::Bits { bits, fields, priority: self.priority.or(0)? }
+                    RunForm::Bits {
+                        bits,
+                        fields,
+                        priority: self.priority.or(0)?,
+                    }
                 }
             },
             stop: self.stop.ready()?,
@@ -123,7 +157,11 @@ impl RunFile {
             zero: optional(self.zero.as_ref())?,
             places: self.places.ready(registers)?,
             start: self.start.ready(registers)?,
-            states: self.states.iter().map(|state| state.ready(registers)).collect::<Option<_>>()?,
+            states: self
+                .states
+                .iter()
+                .map(|state| state.ready(registers))
+                .collect::<Option<_>>()?,
         })
     }
 

@@ -45,12 +45,20 @@ impl BitFile {
     /// What it means; `None` if any part of that is unusable.
     pub fn sense(&self) -> Option<Sense> {
         let is_inverted = self.when.or(1)? == 0;
-        Some(Sense::of_bit(self.bit.as_ref()?.value, is_inverted, self.meaning.as_ref()?.value))
+        Some(Sense::of_bit(
+            self.bit.as_ref()?.value,
+            is_inverted,
+            self.meaning.as_ref()?.value,
+        ))
     }
 
     pub(super) fn ready(&self) -> Option<RunBit> {
         let bit = fact(self.bit.as_ref()?.value, self.origin.as_ref())?;
-        Some(RunBit { bit, meaning: self.meaning.as_ref()?.value, is_inverted: self.when.or(1)? == 0 })
+        Some(RunBit {
+            bit,
+            meaning: self.meaning.as_ref()?.value,
+            is_inverted: self.when.or(1)? == 0,
+        })
     }
 }
 
@@ -70,13 +78,23 @@ impl FieldFile {
     pub fn senses(&self) -> impl Iterator<Item = Sense> {
         let known = self.mask.as_ref().zip(self.values.as_ref());
         known.into_iter().flat_map(|(mask, values)| {
-            values.iter().filter_map(|(value, meaning)| Some(Sense::of_field(mask.value, *value, meaning.value?)))
+            values.iter().filter_map(|(value, meaning)| {
+                Some(Sense::of_field(mask.value, *value, meaning.value?))
+            })
         })
     }
 
     pub(super) fn ready(&self) -> Option<RunField> {
-        let values = self.values.as_ref()?.iter().map(|(value, meaning)| (*value, meaning.value)).collect();
-        Some(RunField { mask: fact(self.mask.as_ref()?.value, self.origin.as_ref())?, values })
+        let values = self
+            .values
+            .as_ref()?
+            .iter()
+            .map(|(value, meaning)| (*value, meaning.value))
+            .collect();
+        Some(RunField {
+            mask: fact(self.mask.as_ref()?.value, self.origin.as_ref())?,
+            values,
+        })
     }
 }
 
@@ -88,7 +106,11 @@ fn values(reader: &mut Reader<'_, '_>) -> Option<Vec<(u16, Spanned<Option<BitMea
     let count = inner.len();
     let all = inner.all(&Kind::one_of(&BIT_MEANINGS).or_word(NOTHING));
     if count == 0 {
-        reader.problems().push(location.problem("is empty").right("the meaning of each value"));
+        reader.problems().push(
+            location
+                .problem("is empty")
+                .right("the meaning of each value"),
+        );
         return None;
     }
     // A value that cannot be used is told already: all words with it would seem wrong as well.

@@ -33,9 +33,8 @@ impl SetupFile {
             register: reader.optional("register", &Kind::text()),
             mask: reader.optional("mask", &Kind::number(1..=u16::MAX)),
             values: match reader.list("values", &word) {
-                OptionalKey::Valid(list) => {
-                    filled_with(list, &word, reader.problems()).map_or(OptionalKey::Invalid, OptionalKey::Valid)
-                }
+                OptionalKey::Valid(list) => filled_with(list, &word, reader.problems())
+                    .map_or(OptionalKey::Invalid, OptionalKey::Valid),
                 other => other,
             },
             needed_for: reader.list("needed_for", &Kind::one_of(&NEEDED_FOR)),
@@ -57,7 +56,10 @@ impl SetupFile {
                 Some(name) => Some(address_of(&name, registers)?),
             },
             mask: self.mask.or(u16::MAX)?,
-            values: fact(values.into_iter().map(|word| word.value).collect(), self.origin.as_ref())?,
+            values: fact(
+                values.into_iter().map(|word| word.value).collect(),
+                self.origin.as_ref(),
+            )?,
             needed_for: match &self.needed_for {
                 OptionalKey::Absent => Vec::new(),
                 OptionalKey::Invalid => return None,
@@ -73,7 +75,9 @@ fn words_of(list: &OptionalKey<Vec<Spanned<u16>>>) -> Option<Option<Vec<u16>>> {
     match list {
         OptionalKey::Absent => Some(None),
         OptionalKey::Invalid => None,
-        OptionalKey::Valid(words) => Some(Some(words.value.iter().map(|word| word.value).collect())),
+        OptionalKey::Valid(words) => {
+            Some(Some(words.value.iter().map(|word| word.value).collect()))
+        }
     }
 }
 
@@ -104,7 +108,13 @@ impl IdentityFile {
 
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Identity> {
-        let values = self.values.as_ref()?.value.iter().map(|word| word.value).collect();
+        let values = self
+            .values
+            .as_ref()?
+            .value
+            .iter()
+            .map(|word| word.value)
+            .collect();
         Some(Identity {
             address: address_of(&self.register.as_ref()?.value, registers)?,
             mask: self.mask.or(u16::MAX)?,
@@ -161,10 +171,17 @@ impl WatchdogFile {
     /// The reaction's words that stop the motor if `stops` is left out: those that have a meaning and do not keep it
     /// running.
     pub fn words_that_stop(&self, registers: &[RegisterFile]) -> Vec<u16> {
-        let OptionalKey::Valid(action) = &self.action else { return Vec::new() };
+        let OptionalKey::Valid(action) = &self.action else {
+            return Vec::new();
+        };
         let runs_on = words_of(&self.keeps_running).flatten().unwrap_or_default();
-        let is_it = |register: &&RegisterFile| register.name().is_some_and(|name| *name == action.value);
-        let meanings = registers.iter().find(is_it).into_iter().flat_map(RegisterFile::meaning_words);
+        let is_it =
+            |register: &&RegisterFile| register.name().is_some_and(|name| *name == action.value);
+        let meanings = registers
+            .iter()
+            .find(is_it)
+            .into_iter()
+            .flat_map(RegisterFile::meaning_words);
         meanings.filter(|word| !runs_on.contains(word)).collect()
     }
 }

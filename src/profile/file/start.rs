@@ -39,7 +39,9 @@ impl StartFile {
     pub(super) fn read(facts: &Facts<'_>, reader: &mut Reader<'_, '_>) -> Self {
         let steps = reader.tables("start").into_iter();
         Self {
-            steps: steps.map(|section| StartStepFile::read(facts, reader.open(section))).collect(),
+            steps: steps
+                .map(|section| StartStepFile::read(facts, reader.open(section)))
+                .collect(),
             take_back: facts.optional_value(reader, "take_back", &Kind::number(0..=u16::MAX)),
         }
     }
@@ -53,7 +55,10 @@ impl StartFile {
     /// `None` if any part is unusable.
     pub(super) fn ready(&self, registers: &[RegisterFile]) -> Option<Start> {
         let steps = self.steps.iter().map(|step| step.ready(registers));
-        Some(Start { steps: steps.collect::<Option<_>>()?, take_back: optional(self.take_back.as_ref())? })
+        Some(Start {
+            steps: steps.collect::<Option<_>>()?,
+            take_back: optional(self.take_back.as_ref())?,
+        })
     }
 }
 
@@ -73,7 +78,10 @@ impl StartStepFile {
                 }
             },
             at_least: reader.optional("at_least", &Kind::duration(Duration::ZERO..=WITHIN_MAX)),
-            within: reader.optional("within", &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX)),
+            within: reader.optional(
+                "within",
+                &Kind::duration(Duration::from_millis(1)..=WITHIN_MAX),
+            ),
             origin: facts.origin(&mut reader),
         };
         reader.finish();
@@ -84,7 +92,9 @@ impl StartStepFile {
         let until = match &self.until {
             OptionalKey::Absent => None,
             OptionalKey::Invalid => return None,
-            OptionalKey::Valid(until) => Some(until.value.ready(self.within.valid()?.value, registers)?),
+            OptionalKey::Valid(until) => {
+                Some(until.value.ready(self.within.valid()?.value, registers)?)
+            }
         };
         Some(StartStep {
             write: fact(self.write.as_ref()?.value, self.origin.as_ref())?,
@@ -112,7 +122,13 @@ impl UntilFile {
         Some(StartCondition {
             address: address_of(&self.register.as_ref()?.value, registers)?,
             mask: self.mask.or(u16::MAX)?,
-            values: self.values.as_ref()?.value.iter().map(|word| word.value).collect(),
+            values: self
+                .values
+                .as_ref()?
+                .value
+                .iter()
+                .map(|word| word.value)
+                .collect(),
             within,
         })
     }

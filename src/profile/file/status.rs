@@ -48,18 +48,49 @@ impl StatusFile {
         let is_one_bit = mask.is_power_of_two() || address.table().is_of_bits();
         let others_clear = optional(self.others_clear.as_ref())?;
         let others_are_clear = is_one_bit || flag.is_permission() || others_clear.is_some();
-        let clear =
-            if others_are_clear { ClearWords::Others } else { ClearWords::Named(named_words(file, address, mask)) };
-        let values = self.values.as_ref()?.value.iter().map(|word| word.value).collect();
-        Some(StatusFlag { flag, address, mask, values, clear, others_clear, confidence, source })
+        let clear = if others_are_clear {
+            ClearWords::Others
+        } else {
+            ClearWords::Named(named_words(file, address, mask))
+        };
+        let values = self
+            .values
+            .as_ref()?
+            .value
+            .iter()
+            .map(|word| word.value)
+            .collect();
+        Some(StatusFlag {
+            flag,
+            address,
+            mask,
+            values,
+            clear,
+            others_clear,
+            confidence,
+            source,
+        })
     }
 
     /// The words that it names, under its mask; none if it is about another field than the one under `mask` at `address`.
-    fn words_of(&self, file: &ModelFile, address: Address, mask: u16) -> impl Iterator<Item = u16> + '_ {
-        let is_there = self.register.as_ref().and_then(|it| address_of(&it.value, &file.registers)) == Some(address);
+    fn words_of(
+        &self,
+        file: &ModelFile,
+        address: Address,
+        mask: u16,
+    ) -> impl Iterator<Item = u16> + '_ {
+        let is_there = self
+            .register
+            .as_ref()
+            .and_then(|it| address_of(&it.value, &file.registers))
+            == Some(address);
         let values = self.values.as_ref().map(|values| &values.value);
         let clear = self.clear.valid().map(|clear| &clear.value);
-        let words = values.into_iter().chain(clear).flatten().map(|word| word.value);
+        let words = values
+            .into_iter()
+            .chain(clear)
+            .flatten()
+            .map(|word| word.value);
         words.filter(move |_| is_there && self.mask.or(u16::MAX) == Some(mask))
     }
 }
@@ -67,11 +98,21 @@ impl StatusFile {
 /// The words of the field under `mask` at `address` that the file names: as values of its flags or as clear ones, as
 /// meanings of its register, and as states of the drive.
 fn named_words(file: &ModelFile, address: Address, mask: u16) -> Vec<MaskedWord> {
-    let of_flags = file.status.iter().flat_map(|it| it.words_of(file, address, mask));
+    let of_flags = file
+        .status
+        .iter()
+        .flat_map(|it| it.words_of(file, address, mask));
     let of_flags = of_flags.map(|value| MaskedWord { mask, value });
-    let here = file.registers.iter().filter(|it| it.place().is_some_and(|place| place.value == address));
+    let here = file
+        .registers
+        .iter()
+        .filter(|it| it.place().is_some_and(|place| place.value == address));
     let of_register = here.filter_map(|register| {
-        let field = register.form.mask.valid().map_or(u16::MAX, |mask| mask.value);
+        let field = register
+            .form
+            .mask
+            .valid()
+            .map_or(u16::MAX, |mask| mask.value);
         // The meanings of a whole word say nothing about a part of it.
         (mask & field == field).then(|| {
             register.meaning_words().map(move |code| MaskedWord {
@@ -81,10 +122,18 @@ fn named_words(file: &ModelFile, address: Address, mask: u16) -> Vec<MaskedWord>
         })
     });
     let states = file.run.valid().map_or(&[][..], |run| &run.value.states);
-    let of_states = states.iter().filter_map(|state| state.ready(&file.registers));
+    let of_states = states
+        .iter()
+        .filter_map(|state| state.ready(&file.registers));
     let of_states = of_states.filter(|state| state.address == address);
-    let of_states = of_states.map(|state| MaskedWord { mask: state.mask, value: state.value });
-    of_flags.chain(of_register.flatten()).chain(of_states).collect()
+    let of_states = of_states.map(|state| MaskedWord {
+        mask: state.mask,
+        value: state.value,
+    });
+    of_flags
+        .chain(of_register.flatten())
+        .chain(of_states)
+        .collect()
 }
 
 /// The highest bit of two words.
@@ -107,16 +156,26 @@ impl CodeFile {
     /// An exception.
     pub(super) fn read_exception(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let kind = reader.optional("kind", &Kind::one_of(&EXCEPTION_KINDS));
-        Self { kind, ..Self::read(facts, 1..=255, reader) }
+        Self {
+            kind,
+            ..Self::read(facts, 1..=255, reader)
+        }
     }
 
     /// What the drive means by it, with its code; `None` if it is not stated.
     pub(super) fn ready_kind(&self) -> Option<(u8, ExceptionKind)> {
-        Some((u8::try_from(self.code.as_ref()?.value).ok()?, self.kind.valid()?.value))
+        Some((
+            u8::try_from(self.code.as_ref()?.value).ok()?,
+            self.kind.valid()?.value,
+        ))
     }
 
     /// An exception, or a trip that has a number, with a code of `codes`.
-    pub(super) fn read(facts: &Facts<'_>, codes: RangeInclusive<u16>, mut reader: Reader<'_, '_>) -> Self {
+    pub(super) fn read(
+        facts: &Facts<'_>,
+        codes: RangeInclusive<u16>,
+        mut reader: Reader<'_, '_>,
+    ) -> Self {
         let code = Self {
             location: reader.location().clone(),
             code: reader.required("code", &Kind::number(codes)),
@@ -138,11 +197,16 @@ impl CodeFile {
         }
         if let OptionalKey::Valid(code) = reader.optional("code", &Kind::number(0..=u16::MAX)) {
             let problem = code.location.problem("has a bit already");
-            reader.problems().push(problem.right("either `bit` or `code`"));
+            reader
+                .problems()
+                .push(problem.right("either `bit` or `code`"));
         }
         let code = Self {
             location: reader.location().clone(),
-            code: bit.valid().map(|bit| Spanned { value: bit.value + 1, location: bit.location.clone() }),
+            code: bit.valid().map(|bit| Spanned {
+                value: bit.value + 1,
+                location: bit.location.clone(),
+            }),
             is_bit,
             text: reader.required("text", &Kind::text()),
             kind: OptionalKey::Absent,
@@ -156,6 +220,11 @@ impl CodeFile {
     pub(super) fn ready(&self) -> Option<CodeText> {
         let (confidence, source) = self.origin.clone()?;
         let code = self.code.as_ref()?.value;
-        Some(CodeText { code, text: self.text.as_ref()?.value.clone(), confidence, source })
+        Some(CodeText {
+            code,
+            text: self.text.as_ref()?.value.clone(),
+            confidence,
+            source,
+        })
     }
 }

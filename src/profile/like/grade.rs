@@ -11,15 +11,25 @@ use toml::de::{DeArray, DeTable, DeValue};
 
 /// Makes `base`, the file of the model `of`, one that the model `id` may take over: without its name, with documents that
 /// say whose they are, and with facts that are no surer than those documents let them be for `id`.
-pub(super) fn take_over(base: &mut DeTable<'_>, of: &str, own: &DeTable<'_>, id: &str, problems: &mut Vec<Problem>) {
+pub(super) fn take_over(
+    base: &mut DeTable<'_>,
+    of: &str,
+    own: &DeTable<'_>,
+    id: &str,
+    problems: &mut Vec<Problem>,
+) {
     base.remove("id");
     base.remove("title");
     let mut own_documents = DeTable::new();
     if let Some(DeValue::Table(documents)) = own.get("documents").map(Spanned::get_ref) {
         own_documents = documents.clone();
     }
-    let Some(DeValue::Table(documents)) = base.get_mut("documents").map(Spanned::get_mut) else { return };
-    documents.iter_mut().for_each(|(_, document)| say_of(document, of));
+    let Some(DeValue::Table(documents)) = base.get_mut("documents").map(Spanned::get_mut) else {
+        return;
+    };
+    documents
+        .iter_mut()
+        .for_each(|(_, document)| say_of(document, of));
     are_the_same(&read(documents), of, &own_documents, problems);
     let mut all = documents.clone();
     all.extend(own_documents);
@@ -45,10 +55,15 @@ fn say_of(document: &mut Spanned<DeValue<'_>>, of: &str) {
         table.insert(key("kind"), text("manual".to_owned()));
         *document.get_mut() = DeValue::Table(table);
     }
-    let DeValue::Table(table) = document.get_mut() else { return };
+    let DeValue::Table(table) = document.get_mut() else {
+        return;
+    };
     if !table.contains_key("of") {
         let models: DeArray<'_> = [text(of.to_owned())].into_iter().collect();
-        table.insert(key("of"), Spanned::new(span.clone(), DeValue::Array(models)));
+        table.insert(
+            key("of"),
+            Spanned::new(span.clone(), DeValue::Array(models)),
+        );
     }
 }
 
@@ -57,14 +72,25 @@ fn are_the_same(base: &DocumentsFile, of: &str, own: &DeTable<'_>, problems: &mu
     let files = read(own);
     for (name, value) in own {
         let name: &str = name.get_ref();
-        let (Some(Some(theirs)), Some(Some(ours))) = (base.find(name), files.find(name)) else { continue };
-        let location = Location { key: format!("documents.{name}"), span: value.span() };
-        if (&theirs.title, theirs.kind, &theirs.made_from) != (&ours.title, ours.kind, &ours.made_from) {
-            let problem = location.problem(format!("in `{of}`, `{name}` is another document: {}", theirs.title));
+        let (Some(Some(theirs)), Some(Some(ours))) = (base.find(name), files.find(name)) else {
+            continue;
+        };
+        let location = Location {
+            key: format!("documents.{name}"),
+            span: value.span(),
+        };
+        if (&theirs.title, theirs.kind, &theirs.made_from)
+            != (&ours.title, ours.kind, &ours.made_from)
+        {
+            let problem = location.problem(format!(
+                "in `{of}`, `{name}` is another document: {}",
+                theirs.title
+            ));
             problems.push(problem.right("another short name"));
         } else if ours.of.is_empty() {
-            let problem =
-                location.problem(format!("`{name}` is a document of `{of}`; it does not say whether of this model"));
+            let problem = location.problem(format!(
+                "`{name}` is a document of `{of}`; it does not say whether of this model"
+            ));
             problems.push(problem.right("`of` with all models that it is about, or leave it out"));
         }
     }
@@ -98,5 +124,8 @@ fn grade(table: &mut DeTable<'_>, documents: &DocumentsFile, id: &str) {
 }
 
 fn confidence_of(word: &str) -> Option<Confidence> {
-    CONFIDENCES.iter().find(|(it, _)| *it == word).map(|(_, confidence)| *confidence)
+    CONFIDENCES
+        .iter()
+        .find(|(it, _)| *it == word)
+        .map(|(_, confidence)| *confidence)
 }

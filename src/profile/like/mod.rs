@@ -58,7 +58,10 @@ pub(super) struct LikeFile {
 
 impl LikeFile {
     pub(super) fn read(reader: &mut Reader<'_, '_>) -> Self {
-        Self { like: reader.optional("like", &Kind::text()), without: reader.list("without", &Kind::text()) }
+        Self {
+            like: reader.optional("like", &Kind::text()),
+            without: reader.list("without", &Kind::text()),
+        }
     }
 }
 
@@ -73,12 +76,21 @@ pub(super) struct Whole<'s> {
 
 impl<'s> Whole<'s> {
     /// Reads `text` and the files of `sources` that it begins from. `None`: there is no whole, and why is reported.
-    pub(super) fn read(text: &'s str, sources: &'s dyn Sources, problems: &mut Vec<Problem>) -> Option<Self> {
+    pub(super) fn read(
+        text: &'s str,
+        sources: &'s dyn Sources,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
         Self::after(text, sources, &[], problems)
     }
 
     /// The same for a file that the models `on_way` begin from.
-    fn after(text: &'s str, sources: &'s dyn Sources, on_way: &[String], problems: &mut Vec<Problem>) -> Option<Self> {
+    fn after(
+        text: &'s str,
+        sources: &'s dyn Sources,
+        on_way: &[String],
+        problems: &mut Vec<Problem>,
+    ) -> Option<Self> {
         let mut own = document(text, problems)?.into_table();
         let LikeFile { like, without } = taken_out(&mut own, problems);
         let like = match like {
@@ -89,22 +101,38 @@ impl<'s> Whole<'s> {
                     let problem = without.location.problem("there is nothing to leave out");
                     problems.push(problem.right("`like`, the model that this file begins from"));
                 }
-                return Some(Self { document: Document::of(own), base: None, parts: Vec::new() });
+                return Some(Self {
+                    document: Document::of(own),
+                    base: None,
+                    parts: Vec::new(),
+                });
             }
         };
-        let id = own.get("id").and_then(|id| id.get_ref().as_str()).unwrap_or_default().to_owned();
+        let id = own
+            .get("id")
+            .and_then(|id| id.get_ref().as_str())
+            .unwrap_or_default()
+            .to_owned();
         let way: Vec<_> = on_way.iter().cloned().chain([id.clone()]).collect();
         let source = base_of(&like, &way, sources, problems)?;
         let mut of_base = Vec::new();
         let base = Self::after(source.text, sources, &way, &mut of_base);
         let start = text.len() + 1;
-        let inherited = base.iter().flat_map(|base| &base.parts).map(|(at, part)| (at + start, *part));
+        let inherited = base
+            .iter()
+            .flat_map(|base| &base.parts)
+            .map(|(at, part)| (at + start, *part));
         let parts: Vec<_> = iter::once((start, source)).chain(inherited).collect();
-        let whole = |document| Self { document, base: Some((like.location.clone(), source)), parts };
+        let whole = |document| Self {
+            document,
+            base: Some((like.location.clone(), source)),
+            parts,
+        };
         let Some(base) = base else {
-            let there = of_base
-                .into_iter()
-                .map(|problem| Problem { span: problem.span.start + start..problem.span.end + start, ..problem });
+            let there = of_base.into_iter().map(|problem| Problem {
+                span: problem.span.start + start..problem.span.end + start,
+                ..problem
+            });
             problems.extend(whole(Document::of(DeTable::new())).placed(there.collect()));
             return None;
         };
@@ -134,13 +162,29 @@ impl<'s> Whole<'s> {
     /// `problems`, with those of what is taken over at `like`.
     pub(super) fn placed(&self, problems: Vec<Problem>) -> Vec<Problem> {
         let at_like = |problem: Problem| {
-            let Some((like, _)) = &self.base else { return problem };
-            let part = self.parts.iter().rfind(|(start, _)| *start <= problem.span.start);
-            let Some((start, Source { file, text })) = part else { return problem };
-            let there = Problem { span: problem.span.start - start..problem.span.end - start, ..problem.clone() };
+            let Some((like, _)) = &self.base else {
+                return problem;
+            };
+            let part = self
+                .parts
+                .iter()
+                .rfind(|(start, _)| *start <= problem.span.start);
+            let Some((start, Source { file, text })) = part else {
+                return problem;
+            };
+            let there = Problem {
+                span: problem.span.start - start..problem.span.end - start,
+                ..problem.clone()
+            };
             let what = format!("{file}, line {}: {}", there.place_in(text).0, problem.what);
             let right = problem.right.map(|right| format!("{right}; or `without`"));
-            Problem { key: like.key.clone(), span: like.span.clone(), what, right, ..problem }
+            Problem {
+                key: like.key.clone(),
+                span: like.span.clone(),
+                what,
+                right,
+                ..problem
+            }
         };
         problems.into_iter().map(at_like).collect()
     }
@@ -154,13 +198,17 @@ impl<'s> Whole<'s> {
 
     /// Whether `problem` is about what is taken over.
     pub(super) fn is_taken_over(&self, problem: &Problem) -> bool {
-        self.parts.first().is_some_and(|(start, _)| *start <= problem.span.start)
+        self.parts
+            .first()
+            .is_some_and(|(start, _)| *start <= problem.span.start)
     }
 }
 
 /// The keys `like` and `without`, taken out of `table`.
 fn taken_out(table: &mut DeTable<'_>, problems: &mut Vec<Problem>) -> LikeFile {
-    let keys = ["like", "without"].into_iter().filter_map(|key| table.remove_entry(key));
+    let keys = ["like", "without"]
+        .into_iter()
+        .filter_map(|key| table.remove_entry(key));
     let document = Document::of(keys.collect());
     LikeFile::read(&mut Reader::new(document.section(), problems))
 }
@@ -175,21 +223,42 @@ fn base_of<'s>(
     let id = &like.value;
     let tell = |what: String, right: String| like.location.problem(what).right(right);
     if way.contains(id) {
-        let way = way.iter().chain([id]).map(String::as_str).collect::<Vec<_>>().join(", ");
-        problems.push(tell(format!("leads back to itself: {way}"), "a model that begins from another one".to_owned()));
+        let way = way
+            .iter()
+            .chain([id])
+            .map(String::as_str)
+            .collect::<Vec<_>>()
+            .join(", ");
+        problems.push(tell(
+            format!("leads back to itself: {way}"),
+            "a model that begins from another one".to_owned(),
+        ));
         return None;
     }
     if way.len() > DEPTH_MAX {
-        let what = format!("begins from more than {DEPTH_MAX} models, one after the other: {}", way.join(", "));
-        problems.push(tell(what, "a complete file, as `models show MODEL --toml` prints it".to_owned()));
+        let what = format!(
+            "begins from more than {DEPTH_MAX} models, one after the other: {}",
+            way.join(", ")
+        );
+        problems.push(tell(
+            what,
+            "a complete file, as `models show MODEL --toml` prints it".to_owned(),
+        ));
         return None;
     }
     let source = sources.find(id);
     if source.is_none() {
         let ids = sources.ids();
         let near = nearest_names(id, ids.iter().map(String::as_str));
-        let right = match alternatives(&near.iter().map(|near| format!("`{near}`")).collect::<Vec<_>>()) {
-            near if near.is_empty() => "the `id` of a model that is built in or in the same directories".to_owned(),
+        let right = match alternatives(
+            &near
+                .iter()
+                .map(|near| format!("`{near}`"))
+                .collect::<Vec<_>>(),
+        ) {
+            near if near.is_empty() => {
+                "the `id` of a model that is built in or in the same directories".to_owned()
+            }
             near => near,
         };
         problems.push(tell(format!("there is no model `{id}`"), right));

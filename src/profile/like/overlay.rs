@@ -50,23 +50,44 @@ fn merged_at<'s>(path: &str, mut own: DeTable<'s>, base: DeTable<'s>) -> DeTable
 }
 
 fn rows<'s>(keys: &[&str], own: DeArray<'s>, base: DeArray<'s>) -> DeArray<'s> {
-    let taken: Vec<_> = own.iter().filter_map(|row| row_name(keys, row.get_ref())).collect();
-    let is_free = |row: &Spanned<DeValue<'_>>| row_name(keys, row.get_ref()).is_none_or(|name| !taken.contains(&name));
+    let taken: Vec<_> = own
+        .iter()
+        .filter_map(|row| row_name(keys, row.get_ref()))
+        .collect();
+    let is_free = |row: &Spanned<DeValue<'_>>| {
+        row_name(keys, row.get_ref()).is_none_or(|name| !taken.contains(&name))
+    };
     let rest: Vec<_> = base.into_iter().filter(is_free).collect();
     own.into_iter().chain(rest).collect()
 }
 
 /// Leaves out of `base`, the file of the model `id`, what `without` names.
-pub(super) fn remove(base: &mut DeTable<'_>, without: &[Written<String>], id: &str, problems: &mut Vec<Problem>) {
-    for Written { value: path, location } in without {
+pub(super) fn remove(
+    base: &mut DeTable<'_>,
+    without: &[Written<String>],
+    id: &str,
+    problems: &mut Vec<Problem>,
+) {
+    for Written {
+        value: path,
+        location,
+    } in without
+    {
         if !remove_at(base, "", path) {
             let mut names = Vec::new();
             names_in(base, "", &mut names);
             let right = match nearest(path, names.iter().map(String::as_str)) {
                 Some(near) => format!("\"{near}\""),
-                None => "a table, a key or a row of it, as \"watchdog\", \"run.coast\" or \"trip.7\"".to_owned(),
+                None => {
+                    "a table, a key or a row of it, as \"watchdog\", \"run.coast\" or \"trip.7\""
+                        .to_owned()
+                }
             };
-            problems.push(location.problem(format!("`{id}` has no `{path}`")).right(right));
+            problems.push(
+                location
+                    .problem(format!("`{id}` has no `{path}`"))
+                    .right(right),
+            );
         }
     }
 }
@@ -76,15 +97,21 @@ fn remove_at(table: &mut DeTable<'_>, above: &str, path: &str) -> bool {
     if table.remove(path).is_some() {
         return true;
     }
-    let Some((key, rest)) = path.split_once('.') else { return false };
+    let Some((key, rest)) = path.split_once('.') else {
+        return false;
+    };
     let inner = joined(above, key);
     match table.get_mut(key).map(Spanned::get_mut) {
         Some(DeValue::Table(table)) if !is_fact(table) => remove_at(table, &inner, rest),
         Some(DeValue::Array(list)) => {
-            let Some(keys) = keys_of_rows(&inner) else { return false };
+            let Some(keys) = keys_of_rows(&inner) else {
+                return false;
+            };
             let rest = number(rest).map_or_else(|| rest.to_owned(), |number| number.to_string());
             let before = list.len();
-            let kept = list.iter().filter(|row| row_name(keys, row.get_ref()).as_ref() != Some(&rest));
+            let kept = list
+                .iter()
+                .filter(|row| row_name(keys, row.get_ref()).as_ref() != Some(&rest));
             *list = kept.cloned().collect();
             list.len() != before
         }
@@ -99,7 +126,8 @@ fn names_in(table: &DeTable<'_>, above: &str, names: &mut Vec<String>) {
         match value.get_ref() {
             DeValue::Table(inner) if !is_fact(inner) => names_in(inner, &path, names),
             DeValue::Array(list) => {
-                let rows = keys_of_rows(&path).map(|keys| list.iter().filter_map(|row| row_name(keys, row.get_ref())));
+                let rows = keys_of_rows(&path)
+                    .map(|keys| list.iter().filter_map(|row| row_name(keys, row.get_ref())));
                 names.extend(rows.into_iter().flatten().map(|row| joined(&path, &row)));
             }
             _ => {}
@@ -109,7 +137,9 @@ fn names_in(table: &DeTable<'_>, above: &str, names: &mut Vec<String>) {
 }
 
 fn keys_of_rows(path: &str) -> Option<&'static [&'static str]> {
-    ROWS.iter().find(|(list, _)| *list == path).map(|(_, keys)| *keys)
+    ROWS.iter()
+        .find(|(list, _)| *list == path)
+        .map(|(_, keys)| *keys)
 }
 
 /// What tells `row` from the others, numbers in decimal.
@@ -143,5 +173,9 @@ fn is_fact(table: &DeTable<'_>) -> bool {
 }
 
 fn joined(path: &str, key: &str) -> String {
-    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+    if path.is_empty() {
+        key.to_owned()
+    } else {
+        format!("{path}.{key}")
+    }
 }

@@ -21,13 +21,21 @@ impl RamAlias {
     /// The RAM form of the register at `number`; `None` if it has none.
     #[must_use]
     pub const fn form_of(self, number: u16) -> Option<u16> {
-        if number & self.mask == self.from { Some(number & !self.mask | self.to) } else { None }
+        if number & self.mask == self.from {
+            Some(number & !self.mask | self.to)
+        } else {
+            None
+        }
     }
 
     /// The register whose RAM form is at `number`; `None` if none can be there.
     #[must_use]
     pub const fn register_of(self, number: u16) -> Option<u16> {
-        if number & self.mask == self.to { Some(number & !self.mask | self.from) } else { None }
+        if number & self.mask == self.to {
+            Some(number & !self.mask | self.from)
+        } else {
+            None
+        }
     }
 }
 
@@ -41,16 +49,22 @@ impl Model {
             && register.address.table() == Table::Holding
             && register.form.pair.is_none()
             && is_stored(register);
-        let number = alias.form_of(register.address.number()).filter(|_| is_aliased)?;
+        let number = alias
+            .form_of(register.address.number())
+            .filter(|_| is_aliased)?;
         Some(register.address.at(number))
     }
 
     /// The register whose RAM form is at `address`.
     #[must_use]
     pub fn in_ram_at(&self, address: Address) -> Option<&Register> {
-        let number =
-            self.proven_alias()?.register_of(address.number()).filter(|_| address.table() == Table::Holding)?;
-        self.registers.iter().find(|it| it.address == address.at(number) && self.ram_form(it) == Some(address))
+        let number = self
+            .proven_alias()?
+            .register_of(address.number())
+            .filter(|_| address.table() == Table::Holding)?;
+        self.registers
+            .iter()
+            .find(|it| it.address == address.at(number) && self.ram_form(it) == Some(address))
     }
 
     /// Where `register`, which is written again and again, is written: in RAM if it is stored.
@@ -67,7 +81,11 @@ impl Model {
 
     fn proven_alias(&self) -> Option<RamAlias> {
         let is_proven = |fact: &&Fact<RamAlias>| fact.confidence.is_proven();
-        self.quirks.ram_alias.as_ref().filter(is_proven).map(|fact| fact.value)
+        self.quirks
+            .ram_alias
+            .as_ref()
+            .filter(is_proven)
+            .map(|fact| fact.value)
     }
 }
 

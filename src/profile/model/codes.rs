@@ -38,7 +38,9 @@ impl CodeRule {
     /// The address of `code` as people type it: capital and small letters are the same unless both are groups.
     #[must_use]
     pub fn address_typed(&self, code: &str) -> Option<u16> {
-        [code.to_owned(), code.to_uppercase(), code.to_lowercase()].iter().find_map(|code| self.address(code))
+        [code.to_owned(), code.to_uppercase(), code.to_lowercase()]
+            .iter()
+            .find_map(|code| self.address(code))
     }
 
     /// The address of `code`; `None` if the rule does not cover it.
@@ -49,25 +51,51 @@ impl CodeRule {
                 let is_hex = code.len() == 4 && code.bytes().all(|digit| digit.is_ascii_hexdigit());
                 is_hex.then(|| u16::from_str_radix(code, 16).ok())?
             }
-            Self::Linear { separator, group, number, offset, .. } => {
+            Self::Linear {
+                separator,
+                group,
+                number,
+                offset,
+                ..
+            } => {
                 let (of_group, of_number) = match separator {
                     Some(separator) => code.split_once(separator.as_str())?,
                     None => ("0", code),
                 };
-                let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
-                let parsed = |text: &str| text.parse::<i64>().ok().filter(|_| is_number(text) && text.len() <= 6);
-                let address = parsed(of_group)? * i64::from(*group) + parsed(of_number)? * i64::from(*number);
+                let is_number = |text: &str| {
+                    !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit())
+                };
+                let parsed = |text: &str| {
+                    text.parse::<i64>()
+                        .ok()
+                        .filter(|_| is_number(text) && text.len() <= 6)
+                };
+                let address =
+                    parsed(of_group)? * i64::from(*group) + parsed(of_number)? * i64::from(*number);
                 u16::try_from(address + i64::from(*offset)).ok()
             }
-            Self::Groups { groups, ends, separator, .. } => {
+            Self::Groups {
+                groups,
+                ends,
+                separator,
+                ..
+            } => {
                 // The longest group first: `U0` must not hide `U00`.
-                let of =
-                    |(group, byte): &(String, u8)| Some((group.clone(), *byte, code.strip_prefix(group.as_str())?));
-                let (group, byte, rest) = groups.iter().filter_map(of).max_by_key(|(group, ..)| group.len())?;
+                let of = |(group, byte): &(String, u8)| {
+                    Some((group.clone(), *byte, code.strip_prefix(group.as_str())?))
+                };
+                let (group, byte, rest) = groups
+                    .iter()
+                    .filter_map(of)
+                    .max_by_key(|(group, ..)| group.len())?;
                 let number = rest.strip_prefix(separator.as_str())?;
-                let is_number = (1..=3).contains(&number.len()) && number.bytes().all(|it| it.is_ascii_digit());
+                let is_number =
+                    (1..=3).contains(&number.len()) && number.bytes().all(|it| it.is_ascii_digit());
                 let low: u8 = is_number.then(|| number.parse().ok())??;
-                let end = ends.iter().find(|(it, _)| *it == group).map_or(u8::MAX, |(_, end)| *end);
+                let end = ends
+                    .iter()
+                    .find(|(it, _)| *it == group)
+                    .map_or(u8::MAX, |(_, end)| *end);
                 (low <= end).then(|| u16::from_be_bytes([byte, low]))
             }
         }
@@ -80,24 +108,52 @@ mod tests {
     use crate::profile::model::Confidence;
 
     fn origin() -> Fact<()> {
-        Fact { value: (), confidence: Confidence::Manual, source: "IM 1".to_owned() }
+        Fact {
+            value: (),
+            confidence: Confidence::Manual,
+            source: "IM 1".to_owned(),
+        }
     }
 
     #[test]
     fn letters_of_either_case_are_taken_unless_both_are_groups() {
-        let groups = [("A", 3), ("b", 4), ("F", 2), ("f", 9)].map(|(group, byte)| (group.to_owned(), byte)).to_vec();
-        let rule = CodeRule::Groups { groups, ends: Vec::new(), separator: String::new(), origin: origin() };
+        let groups = [("A", 3), ("b", 4), ("F", 2), ("f", 9)]
+            .map(|(group, byte)| (group.to_owned(), byte))
+            .to_vec();
+        let rule = CodeRule::Groups {
+            groups,
+            ends: Vec::new(),
+            separator: String::new(),
+            origin: origin(),
+        };
         let typed = ["A60", "a60", "B37", "f1", "F1", "x1"].map(|code| rule.address_typed(code));
-        assert_eq!(typed, [Some(0x033C), Some(0x033C), Some(0x0425), Some(0x0901), Some(0x0201), None]);
+        assert_eq!(
+            typed,
+            [
+                Some(0x033C),
+                Some(0x033C),
+                Some(0x0425),
+                Some(0x0901),
+                Some(0x0201),
+                None
+            ]
+        );
     }
 
     #[test]
     fn a_code_is_its_group_and_number() {
         let groups = vec![("F01".to_owned(), 0x01), ("U00".to_owned(), 0x30)];
-        let rule = CodeRule::Groups { groups, ends: Vec::new(), separator: ".".to_owned(), origin: origin() };
+        let rule = CodeRule::Groups {
+            groups,
+            ends: Vec::new(),
+            separator: ".".to_owned(),
+            origin: origin(),
+        };
         assert_eq!(rule.address("F01.08"), Some(0x0108));
         assert_eq!(rule.address("U00.41"), Some(0x3029));
-        for wrong in ["F01", "F01.", "F02.00", "F01.+1", "F01.0100", "F01.256", "f01.08"] {
+        for wrong in [
+            "F01", "F01.", "F02.00", "F01.+1", "F01.0100", "F01.256", "f01.08",
+        ] {
             assert_eq!(rule.address(wrong), None, "{wrong}");
         }
         let letters = vec![("A".to_owned(), 3), ("b".to_owned(), 4)];
@@ -107,8 +163,19 @@ mod tests {
             separator: String::new(),
             origin: origin(),
         };
-        assert_eq!((rule.address("A60"), rule.address("b17"), rule.address("B17")), (Some(0x033C), Some(0x0411), None));
-        assert_eq!((rule.address("b18"), rule.address("b255")), (None, None), "the rule ends at b17");
+        assert_eq!(
+            (
+                rule.address("A60"),
+                rule.address("b17"),
+                rule.address("B17")
+            ),
+            (Some(0x033C), Some(0x0411), None)
+        );
+        assert_eq!(
+            (rule.address("b18"), rule.address("b255")),
+            (None, None),
+            "the rule ends at b17"
+        );
     }
 
     #[test]
@@ -121,18 +188,27 @@ mod tests {
             origin: origin(),
         };
         let menus = linear(Some("."), 100, 1, -1);
-        assert_eq!((menus.address("10.38"), menus.address("0.1")), (Some(1037), Some(0)));
+        assert_eq!(
+            (menus.address("10.38"), menus.address("0.1")),
+            (Some(1037), Some(0))
+        );
         for wrong in ["0.0", "10", "10.", ".38", "10.3.8", "+1.1", "9999.1"] {
             assert_eq!(menus.address(wrong), None, "{wrong}");
         }
         let numbers = linear(None, 0, 10, -1);
-        assert_eq!((numbers.address("1610"), numbers.address("6554")), (Some(16_099), None));
+        assert_eq!(
+            (numbers.address("1610"), numbers.address("6554")),
+            (Some(16_099), None)
+        );
     }
 
     #[test]
     fn a_code_in_hexadecimal_is_the_address() {
         let rule = CodeRule::Hexadecimal(origin());
-        assert_eq!((rule.address("FE10"), rule.address("0010")), (Some(0xFE10), Some(0x0010)));
+        assert_eq!(
+            (rule.address("FE10"), rule.address("0010")),
+            (Some(0xFE10), Some(0x0010))
+        );
         assert_eq!((rule.address("F01.08"), rule.address("+FE1")), (None, None));
     }
 }

@@ -1,7 +1,8 @@
 //! How a model is commanded: run commands, writes, and the settings it needs to obey the bus.
 
 use super::{
-    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start, StateText, ZeroWord,
+    Confidence, Fact, FactPart, Model, OrderKind, OrderPlaces, ResetStep, Role, RunForm, Start,
+    StateText, ZeroWord,
 };
 use crate::domain::address::Address;
 use crate::domain::control::{BusFunctions, ControlAction};
@@ -97,12 +98,15 @@ impl RunCommand {
     /// Whether `action` may be ordered: the model has it, and it is proven or one of `accepted`.
     #[must_use]
     pub fn may(&self, action: ControlAction, accepted: &[ControlAction]) -> bool {
-        self.action(action).is_some_and(|fact| fact.confidence.is_proven() || accepted.contains(&action))
+        self.action(action)
+            .is_some_and(|fact| fact.confidence.is_proven() || accepted.contains(&action))
     }
 
     /// The unproven actions of the model, each with its fact.
     pub fn unproven(&self) -> impl Iterator<Item = (ControlAction, &Fact<u16>)> {
-        let all = ControlAction::ALL.iter().filter_map(|action| Some((*action, self.action(*action)?)));
+        let all = ControlAction::ALL
+            .iter()
+            .filter_map(|action| Some((*action, self.action(*action)?)));
         all.filter(|(_, fact)| !fact.confidence.is_proven())
     }
 }
@@ -133,30 +137,68 @@ impl Model {
     /// All facts behind stop, forward and the setpoint; none if it takes no orders.
     #[must_use]
     pub fn basics(&self) -> Vec<Basic<'_>> {
-        let Some(run) = &self.run else { return Vec::new() };
+        let Some(run) = &self.run else {
+            return Vec::new();
+        };
         let mut basics = Vec::new();
         let mut add = |what: &'static str, key: &str, confidence, source| {
-            basics.push(Basic { what, confidence, source, also: self.second_source(key) });
+            basics.push(Basic {
+                what,
+                confidence,
+                source,
+                also: self.second_source(key),
+            });
         };
-        add("stop", "run.stop", run.stop.confidence, run.stop.source.as_str());
-        add("forward", "run.forward", run.forward.confidence, run.forward.source.as_str());
+        add(
+            "stop",
+            "run.stop",
+            run.stop.confidence,
+            run.stop.source.as_str(),
+        );
+        add(
+            "forward",
+            "run.forward",
+            run.forward.confidence,
+            run.forward.source.as_str(),
+        );
         if let Some(direction) = &run.places.direction {
-            add("direction", "run.direction", direction.confidence, direction.source.as_str());
+            add(
+                "direction",
+                "run.direction",
+                direction.confidence,
+                direction.source.as_str(),
+            );
         }
         for step in &run.start.steps {
-            add("start", "run.start", step.write.confidence, step.write.source.as_str());
+            add(
+                "start",
+                "run.start",
+                step.write.confidence,
+                step.write.source.as_str(),
+            );
         }
         if let Some(fact) = &run.start.take_back {
-            add("take_back", "run.take_back", fact.confidence, fact.source.as_str());
+            add(
+                "take_back",
+                "run.take_back",
+                fact.confidence,
+                fact.source.as_str(),
+            );
         }
         let registers = [
             ("the run command's register", Role::RunCommand),
             ("the frequency command's register", Role::FrequencyCommand),
         ];
         for (what, role) in registers {
-            let Some(register) = self.register_for(role) else { continue };
+            let Some(register) = self.register_for(role) else {
+                continue;
+            };
             let is_inferred = register.not_stated.contains(&FactPart::Writing);
-            let confidence = if is_inferred { Confidence::Inferred } else { register.confidence };
+            let confidence = if is_inferred {
+                Confidence::Inferred
+            } else {
+                register.confidence
+            };
             basics.push(Basic {
                 what,
                 confidence: confidence.max(register.confidence),
@@ -232,7 +274,9 @@ impl SetupItem {
     /// Whether it concerns a drive of `model` of which `bus` comes over the bus: who gives a wired function is no concern.
     #[must_use]
     pub fn concerns(&self, model: &Model, bus: BusFunctions) -> bool {
-        let role = self.address.and_then(|address| model.register_at(address)?.role);
+        let role = self
+            .address
+            .and_then(|address| model.register_at(address)?.role);
         match role {
             Some(Role::RunSource) => bus.has_run(),
             Some(Role::FrequencySource) => bus.has_frequency(),
@@ -283,7 +327,10 @@ impl Identity {
     /// What a drive with `word` seems to be; `None` if the model does not know it.
     #[must_use]
     pub fn other(&self, word: u16) -> Option<&str> {
-        self.others.iter().find(|(other, _)| *other == word & self.mask).map(|(_, name)| name.as_str())
+        self.others
+            .iter()
+            .find(|(other, _)| *other == word & self.mask)
+            .map(|(_, name)| name.as_str())
     }
 }
 

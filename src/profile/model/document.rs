@@ -104,8 +104,15 @@ mod tests {
             (DocumentKind::Forum, Confidence::ThirdParty),
         ] {
             assert_eq!(document(kind, &["acme-1", "acme-2"]).best("acme-1"), best);
-            assert_eq!(document(kind, &[]).best("acme-1"), best, "without `of` it covers this very model");
-            assert_eq!(document(kind, &["acme-2"]).best("acme-1"), Confidence::Sibling);
+            assert_eq!(
+                document(kind, &[]).best("acme-1"),
+                best,
+                "without `of` it covers this very model"
+            );
+            assert_eq!(
+                document(kind, &["acme-2"]).best("acme-1"),
+                Confidence::Sibling
+            );
         }
     }
 }

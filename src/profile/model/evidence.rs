@@ -15,7 +15,10 @@ impl Model {
     /// The second source of the fact `key`.
     #[must_use]
     pub fn second_source(&self, key: &str) -> Option<&str> {
-        self.second_sources.iter().find(|second| second.key == key).map(|second| second.source.as_str())
+        self.second_sources
+            .iter()
+            .find(|second| second.key == key)
+            .map(|second| second.source.as_str())
     }
 }
 
@@ -23,7 +26,11 @@ impl Basic<'_> {
     /// What it is and how well it is known: `stop (third-party)`, `stop (third-party, two independent sources)`.
     #[must_use]
     pub fn described(&self) -> String {
-        let second = if self.also.is_some() { ", two independent sources" } else { "" };
+        let second = if self.also.is_some() {
+            ", two independent sources"
+        } else {
+            ""
+        };
         format!("{} ({}{second})", self.what, self.confidence.word())
     }
 }

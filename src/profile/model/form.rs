@@ -110,7 +110,8 @@ impl Form {
                 Whole::Register(basis) => Some(basis.address),
                 Whole::Configured | Whole::Fixed(_) => None,
             };
-            of.into_iter().chain(scale.from.as_ref().map(|basis| basis.address))
+            of.into_iter()
+                .chain(scale.from.as_ref().map(|basis| basis.address))
         });
         of_scale.chain(self.scale_by.as_ref().map(|by| by.address))
     }

@@ -8,7 +8,11 @@ impl Model {
     #[must_use]
     pub fn with_full_scale(&self, full_scale: Hertz) -> Self {
         let mut model = self.clone();
-        for scale in model.registers.iter_mut().filter_map(|register| register.form.full_scale.as_mut()) {
+        for scale in model
+            .registers
+            .iter_mut()
+            .filter_map(|register| register.form.full_scale.as_mut())
+        {
             if scale.of == Whole::Configured {
                 scale.of = Whole::Fixed(full_scale);
             }
@@ -19,7 +23,12 @@ impl Model {
     /// Whether a register is a fraction of a full scale that the configuration of the drive must state.
     #[must_use]
     pub fn needs_full_scale(&self) -> bool {
-        let scales = self.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
-        scales.into_iter().any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
+        let scales = self
+            .registers
+            .iter()
+            .filter_map(|register| register.form.full_scale.as_ref());
+        scales
+            .into_iter()
+            .any(|scale| matches!(scale.of, Whole::Configured | Whole::Fixed(_)))
     }
 }

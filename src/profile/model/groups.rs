@@ -26,12 +26,25 @@ impl Model {
             None | Some(CodeRule::Linear { .. }) => Vec::new(),
             // Whatever is read there is shown: no answer says where a group ends.
             Some(_) if self.read.reads_holes() => Vec::new(),
-            Some(CodeRule::Groups { groups, .. }) => {
-                groups.iter().map(|(name, high)| Group { name: name.clone(), high: *high }).collect()
-            }
+            Some(CodeRule::Groups { groups, .. }) => groups
+                .iter()
+                .map(|(name, high)| Group {
+                    name: name.clone(),
+                    high: *high,
+                })
+                .collect(),
             Some(CodeRule::Hexadecimal(_)) => {
-                let bytes: BTreeSet<u8> = self.parameters().map(|it| it.address.number().to_be_bytes()[0]).collect();
-                bytes.into_iter().map(|high| Group { name: format!("{high:02X}"), high }).collect()
+                let bytes: BTreeSet<u8> = self
+                    .parameters()
+                    .map(|it| it.address.number().to_be_bytes()[0])
+                    .collect();
+                bytes
+                    .into_iter()
+                    .map(|high| Group {
+                        name: format!("{high:02X}"),
+                        high,
+                    })
+                    .collect()
             }
         }
     }
@@ -40,7 +53,8 @@ impl Model {
     pub fn addresses_of(&self, group: &Group) -> impl Iterator<Item = Address> {
         let first = Address::holding(u16::from_be_bytes([group.high, 0]));
         let all = std::iter::successors(Some(first), |address| Some(self.next_address(*address)));
-        all.take(usize::from(NUMBERS_MAX)).filter(|address| self.code_in_group(*address).is_some())
+        all.take(usize::from(NUMBERS_MAX))
+            .filter(|address| self.code_in_group(*address).is_some())
     }
 
     /// The vendor's code of the parameter at `address`; `None` outside all groups.
@@ -52,11 +66,18 @@ impl Model {
             CodeRule::Linear { .. } => return None,
             CodeRule::Hexadecimal(_) => {
                 let is_decimal = low & 0xF <= 9 && low >> 4 <= 9;
-                let is_known = self.parameters().any(|it| it.address.number().to_be_bytes()[0] == high);
+                let is_known = self
+                    .parameters()
+                    .any(|it| it.address.number().to_be_bytes()[0] == high);
                 (is_decimal && is_known).then(|| format!("{:04X}", address.number()))?
             }
-            CodeRule::Groups { groups, separator, .. } => {
-                let (name, _) = groups.iter().find(|(_, byte)| *byte == high).filter(|_| low < NUMBERS_MAX)?;
+            CodeRule::Groups {
+                groups, separator, ..
+            } => {
+                let (name, _) = groups
+                    .iter()
+                    .find(|(_, byte)| *byte == high)
+                    .filter(|_| low < NUMBERS_MAX)?;
                 format!("{name}{separator}{low:02}")
             }
         };
@@ -78,14 +99,23 @@ mod tests {
         assert!(!groups.is_empty());
         for group in &groups {
             let addresses: Vec<_> = model.addresses_of(group).collect();
-            assert!(!addresses.is_empty() && addresses.len() <= usize::from(NUMBERS_MAX), "{group:?}");
+            assert!(
+                !addresses.is_empty() && addresses.len() <= usize::from(NUMBERS_MAX),
+                "{group:?}"
+            );
             for address in addresses {
                 let code = model.code_in_group(address).unwrap();
                 assert!(code.starts_with(&group.name), "{code}");
-                assert_eq!(model.codes.as_ref().unwrap().address(&code), Some(address.number()));
+                assert_eq!(
+                    model.codes.as_ref().unwrap().address(&code),
+                    Some(address.number())
+                );
             }
         }
         let without = check::model(MODEL).unwrap();
-        assert_eq!((without.groups(), without.code_in_group(0x0101_u16.into())), (Vec::new(), None));
+        assert_eq!(
+            (without.groups(), without.code_in_group(0x0101_u16.into())),
+            (Vec::new(), None)
+        );
     }
 }

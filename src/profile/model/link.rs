@@ -50,7 +50,8 @@ impl Link {
     /// The same with this framing: RTU frames are bytes, so 7 data bits are the setting of a drive with ASCII frames.
     #[must_use]
     pub fn factory_with(&self, framing: Framing) -> Option<LinkSettings> {
-        self.factory().filter(|settings| framing == Framing::Ascii || settings.data_bits == 8)
+        self.factory()
+            .filter(|settings| framing == Framing::Ascii || settings.data_bits == 8)
     }
 
     /// What to read at the drive's panel, where there are no known factory settings.
@@ -77,7 +78,11 @@ impl Link {
 }
 
 fn usual_or_first<T: Copy + PartialEq>(usual: T, list: &[T]) -> T {
-    if list.contains(&usual) { usual } else { list.first().copied().unwrap_or(usual) }
+    if list.contains(&usual) {
+        usual
+    } else {
+        list.first().copied().unwrap_or(usual)
+    }
 }
 
 impl std::fmt::Display for Factory {
@@ -126,7 +131,9 @@ impl Timing {
     #[must_use]
     pub fn pause_after(&self, is_stored: bool) -> Duration {
         let stored = self.pause_after_stored_write.as_ref().filter(|_| is_stored);
-        let pauses = [self.pause_after_write.as_ref(), stored].into_iter().flatten();
+        let pauses = [self.pause_after_write.as_ref(), stored]
+            .into_iter()
+            .flatten();
         pauses.map(|pause| pause.value).max().unwrap_or_default()
     }
 }

@@ -23,7 +23,8 @@ mod watchdog;
 pub use alias::RamAlias;
 pub use codes::CodeRule;
 pub use command::{
-    Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, StopBits, Watchdog, WriteRules,
+    Basic, BlockWrite, Identity, NeededFor, RefusedWrite, RunCommand, SetupItem, StopBits,
+    Watchdog, WriteRules,
 };
 pub use commit::{Commit, CommitEffect, CommitWord};
 pub use document::{Document, DocumentKind};
@@ -35,11 +36,13 @@ pub use order::{DirectionWords, OrderKind, OrderPlaces, ResetStep, ResetWrite};
 pub use parameter::ParameterKind;
 pub use read::{Boundary, Holes, ReadArea, ReadLimits};
 pub use register::{Access, FactPart, Memory, PollClass, Register, Role};
-pub use run_word::{BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord};
+pub use run_word::{
+    BitMeaning, OrderedWord, RunBit, RunField, RunForm, Sense, WordEffect, WordSenses, ZeroWord,
+};
 pub use start::{Start, StartCondition, StartStep};
 pub use status::{
-    Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord, Quirks, StateText,
-    StatusFlag,
+    Barrier, BarrierRead, ClearWords, CodeText, ExceptionKind, Flag, MaskedText, MaskedWord,
+    Quirks, StateText, StatusFlag,
 };
 
 use crate::domain::address::Address;
@@ -162,27 +165,40 @@ impl Model {
     #[must_use]
     pub fn register_at(&self, address: impl Into<Address>) -> Option<&Register> {
         let address = address.into();
-        self.registers.iter().find(|register| register.address == address)
+        self.registers
+            .iter()
+            .find(|register| register.address == address)
     }
 
     /// The register that is written at `address`.
     #[must_use]
     pub fn writable_at(&self, address: impl Into<Address>) -> Option<&Register> {
         let address = address.into();
-        self.registers.iter().find(|register| register.address == address && register.access.can_write())
+        self.registers
+            .iter()
+            .find(|register| register.address == address && register.access.can_write())
     }
 
     /// A register that is read at `address`: one that begins there, or has its second word there.
     #[must_use]
     pub fn readable_at(&self, address: impl Into<Address>) -> Option<&Register> {
         let address = address.into();
-        let covers = |it: &&Register| address.offset_from(it.address).is_some_and(|offset| offset < it.form.words());
-        self.registers.iter().filter(|register| register.access.can_read()).find(covers)
+        let covers = |it: &&Register| {
+            address
+                .offset_from(it.address)
+                .is_some_and(|offset| offset < it.form.words())
+        };
+        self.registers
+            .iter()
+            .filter(|register| register.access.can_read())
+            .find(covers)
     }
 
     /// What a read of the word at `address` shows: more than one register if it has fields.
     pub fn fields_at(&self, address: Address) -> impl Iterator<Item = &Register> {
-        self.registers.iter().filter(move |register| register.address == address && register.access.can_read())
+        self.registers
+            .iter()
+            .filter(move |register| register.address == address && register.access.can_read())
     }
 
     /// How often the word at `address` is polled, if a read of `count` words from `first` on covers all words that it
@@ -192,9 +208,15 @@ impl Model {
         let is_read = |it: Address| it.offset_from(first).is_some_and(|offset| offset < count);
         let class = |register: &Register| {
             let words = register.form.words();
-            let is_own = address.offset_from(register.address).is_some_and(|offset| offset < words);
+            let is_own = address
+                .offset_from(register.address)
+                .is_some_and(|offset| offset < words);
             let is_whole = register.address.onwards().take(words.into()).all(is_read);
-            let is_part = register.form.plus.iter().any(|part| part.address == address);
+            let is_part = register
+                .form
+                .plus
+                .iter()
+                .any(|part| part.address == address);
             register.poll.filter(|_| (is_own && is_whole) || is_part)
         };
         self.registers.iter().filter_map(class).min()
@@ -203,8 +225,13 @@ impl Model {
     /// The drive's own parameter that holds that full scale, if the model names it.
     #[must_use]
     pub fn full_scale_parameter(&self) -> Option<&str> {
-        let scales = self.registers.iter().filter_map(|register| register.form.full_scale.as_ref());
-        scales.into_iter().find_map(|scale| scale.parameter.as_deref())
+        let scales = self
+            .registers
+            .iter()
+            .filter_map(|register| register.form.full_scale.as_ref());
+        scales
+            .into_iter()
+            .find_map(|scale| scale.parameter.as_deref())
     }
 
     /// The register whose stored twin is at `address`, on a model that has such twins.
@@ -222,8 +249,13 @@ impl Model {
     pub fn is_stored(&self, address: impl Into<Address>) -> bool {
         let address = address.into();
         let second = || self.second_word_at(address);
-        let register = self.writable_at(address).or_else(|| self.register_at(address)).or_else(second);
-        let Some(register) = register else { return self.in_ram_at(address).is_none() };
+        let register = self
+            .writable_at(address)
+            .or_else(|| self.register_at(address))
+            .or_else(second);
+        let Some(register) = register else {
+            return self.in_ram_at(address).is_none();
+        };
         match register.memory {
             Some(memory) => memory == Memory::Stored,
             None => !register.role.is_some_and(Role::is_guarded),
@@ -233,39 +265,58 @@ impl Model {
     /// Whether a register holds the word at `address`, alone or as the second of two.
     #[must_use]
     pub fn has_word_at(&self, address: Address) -> bool {
-        let holds = |it: &Register| address.offset_from(it.address).is_some_and(|offset| offset < it.form.words());
+        let holds = |it: &Register| {
+            address
+                .offset_from(it.address)
+                .is_some_and(|offset| offset < it.form.words())
+        };
         self.registers.iter().any(holds)
     }
 
     /// The register of two words that can be written and whose second word is at `address`.
     #[must_use]
     pub fn second_word_at(&self, address: Address) -> Option<&Register> {
-        let is_second = |it: &&Register| it.form.pair.is_some() && it.address.checked_add(1) == Some(address);
-        self.registers.iter().filter(|register| register.access.can_write()).find(is_second)
+        let is_second =
+            |it: &&Register| it.form.pair.is_some() && it.address.checked_add(1) == Some(address);
+        self.registers
+            .iter()
+            .filter(|register| register.access.can_write())
+            .find(is_second)
     }
 
     /// How long the drive hears nothing after a write of the register at `address`, or of another form of it.
     #[must_use]
     pub fn deaf_after(&self, address: Address) -> Option<Duration> {
-        let register = self.writable_at(address).or_else(|| self.stored_twin(address));
+        let register = self
+            .writable_at(address)
+            .or_else(|| self.stored_twin(address));
         register.or_else(|| self.in_ram_at(address))?.deaf_after
     }
 
     /// The registers whose writes the drive never answers.
     pub fn silent_writes(&self) -> impl Iterator<Item = Address> + '_ {
-        self.registers.iter().filter(|register| register.has_no_reply).map(|register| register.address)
+        self.registers
+            .iter()
+            .filter(|register| register.has_no_reply)
+            .map(|register| register.address)
     }
 
     /// The longest time for which the drive hears nothing after a write.
     #[must_use]
     pub fn longest_deafness(&self) -> Duration {
-        self.registers.iter().filter_map(|register| register.deaf_after).max().unwrap_or_default()
+        self.registers
+            .iter()
+            .filter_map(|register| register.deaf_after)
+            .max()
+            .unwrap_or_default()
     }
 
     /// The register with `role`; the first one if there are several.
     #[must_use]
     pub fn register_for(&self, role: Role) -> Option<&Register> {
-        self.registers.iter().find(|register| register.role == Some(role))
+        self.registers
+            .iter()
+            .find(|register| register.role == Some(role))
     }
 
     /// The register called `name`: its name or the vendor's code, ignoring case.
@@ -281,7 +332,10 @@ impl Model {
     /// is readable.
     #[must_use]
     pub fn setting_register(&self) -> Option<&Register> {
-        let readable = |role| self.register_for(role).filter(|register| register.access.can_read());
+        let readable = |role| {
+            self.register_for(role)
+                .filter(|register| register.access.can_read())
+        };
         readable(Role::FrequencySetting).or_else(|| readable(Role::FrequencyCommand))
     }
 
@@ -295,9 +349,16 @@ impl Model {
     /// trip count.
     #[must_use]
     pub fn trip_register(&self) -> Option<&Register> {
-        let flagged = self.status_flag(Flag::Tripped).and_then(|flag| self.readable_at(flag.address));
-        let code = || self.register_for(Role::TripCode).or_else(|| self.register_for(Role::TripBits));
-        flagged.or_else(code).or_else(|| self.register_for(Role::TripCount))
+        let flagged = self
+            .status_flag(Flag::Tripped)
+            .and_then(|flag| self.readable_at(flag.address));
+        let code = || {
+            self.register_for(Role::TripCode)
+                .or_else(|| self.register_for(Role::TripBits))
+        };
+        flagged
+            .or_else(code)
+            .or_else(|| self.register_for(Role::TripCount))
     }
 
     /// Whether the drive serves `function`.
@@ -321,7 +382,8 @@ impl Model {
     /// The register that shows the active warnings, if the model has one.
     #[must_use]
     pub fn warning_register(&self) -> Option<&Register> {
-        self.register_for(Role::WarningCode).or_else(|| self.register_for(Role::WarningBits))
+        self.register_for(Role::WarningCode)
+            .or_else(|| self.register_for(Role::WarningBits))
     }
 
     /// The vendor's text for warning `code`; of bits, the number of the bit + 1.
@@ -339,7 +401,10 @@ impl Model {
     /// What the drive means by exception `code`, if the model says more than its text.
     #[must_use]
     pub fn exception_kind(&self, code: u8) -> Option<ExceptionKind> {
-        self.exception_kinds.iter().find(|(of, _)| *of == code).map(|(_, kind)| *kind)
+        self.exception_kinds
+            .iter()
+            .find(|(of, _)| *of == code)
+            .map(|(_, kind)| *kind)
     }
 
     /// How many words may be read from `address` in one frame before the model's limit or group boundary.
@@ -351,7 +416,9 @@ impl Model {
     /// Whether `address` belongs to no register and a read may cover it all the same.
     #[must_use]
     pub fn is_readable_hole(&self, address: Address) -> bool {
-        self.read.reads_holes() && self.readable_at(address).is_none() && self.writable_at(address).is_none()
+        self.read.reads_holes()
+            && self.readable_at(address).is_none()
+            && self.writable_at(address).is_none()
     }
 
     /// The address after `address`, in the drive's numbering.

@@ -23,7 +23,14 @@ pub enum OrderKind {
 
 impl OrderKind {
     /// All of them, in the order in which a word is looked up.
-    pub const ALL: [Self; 6] = [Self::Stop, Self::Forward, Self::Reverse, Self::Coast, Self::Reset, Self::Release];
+    pub const ALL: [Self; 6] = [
+        Self::Stop,
+        Self::Forward,
+        Self::Reverse,
+        Self::Coast,
+        Self::Reset,
+        Self::Release,
+    ];
 
     /// The word used in model files and tables.
     #[must_use]
@@ -95,7 +102,12 @@ impl Model {
     #[must_use]
     pub fn order_address(&self, kind: OrderKind) -> Option<Address> {
         let run = self.run.as_ref()?;
-        let own = run.places.registers.iter().find(|(of, _)| *of == kind).map(|(_, address)| *address);
+        let own = run
+            .places
+            .registers
+            .iter()
+            .find(|(of, _)| *of == kind)
+            .map(|(_, address)| *address);
         own.or_else(|| Some(self.register_for(Role::RunCommand)?.address))
     }
 
@@ -108,8 +120,11 @@ impl Model {
     /// The orders that are written to `address`, each with its word. Forward and reverse have the same word where the
     /// direction is written before it.
     pub fn orders_at(&self, address: Address) -> impl Iterator<Item = (OrderKind, &Fact<u16>)> {
-        let all = OrderKind::ALL.into_iter().filter_map(|kind| Some((kind, self.order(kind)?)));
-        all.filter(move |(_, (at, _))| *at == address).map(|(kind, (_, fact))| (kind, fact))
+        let all = OrderKind::ALL
+            .into_iter()
+            .filter_map(|kind| Some((kind, self.order(kind)?)));
+        all.filter(move |(_, (at, _))| *at == address)
+            .map(|(kind, (_, fact))| (kind, fact))
     }
 
     /// Whether the sign of the setpoint orders the direction: a run word alone says none.
@@ -129,11 +144,17 @@ impl Model {
     #[must_use]
     pub fn stops_at(&self, address: Address, word: u16) -> bool {
         let stops = |kind| matches!(kind, OrderKind::Stop | OrderKind::Coast);
-        let mut orders = self.orders_at(address).filter(|(_, fact)| fact.value == word).peekable();
+        let mut orders = self
+            .orders_at(address)
+            .filter(|(_, fact)| fact.value == word)
+            .peekable();
         if orders.peek().is_some() {
             return orders.any(|(kind, _)| stops(kind));
         }
-        let run = self.run.as_ref().filter(|_| self.takes_run_commands(address));
+        let run = self
+            .run
+            .as_ref()
+            .filter(|_| self.takes_run_commands(address));
         let other = run.and_then(|run| run.order_in(word));
         matches!(other, Some(OrderedWord::Stop | OrderedWord::Coast))
     }
@@ -141,7 +162,8 @@ impl Model {
     /// Whether run commands are written to `address`, but for the orders that have a register of their own.
     #[must_use]
     pub fn takes_run_commands(&self, address: Address) -> bool {
-        self.register_for(Role::RunCommand).is_some_and(|register| register.address == address)
+        self.register_for(Role::RunCommand)
+            .is_some_and(|register| register.address == address)
     }
 
     /// The writes of a reset, in order: a stop first. Empty if the model has no reset.
@@ -150,25 +172,55 @@ impl Model {
         let wait = Duration::ZERO;
         let order = |kind, resets| {
             let (address, fact) = self.order(kind)?;
-            Some(ResetWrite { address, value: fact.value, resets, wait })
+            Some(ResetWrite {
+                address,
+                value: fact.value,
+                resets,
+                wait,
+            })
         };
-        let (Some(stop), Some(reset)) = (order(OrderKind::Stop, false), order(OrderKind::Reset, true)) else {
+        let (Some(stop), Some(reset)) =
+            (order(OrderKind::Stop, false), order(OrderKind::Reset, true))
+        else {
             return Vec::new();
         };
-        let Some(run) = &self.run else { return Vec::new() };
+        let Some(run) = &self.run else {
+            return Vec::new();
+        };
         if run.reset_sequence.is_empty() {
             if reset.address == stop.address {
                 return Vec::new();
             }
-            let clear = run.places.clear.map(|value| ResetWrite { value, resets: false, ..reset });
+            let clear = run.places.clear.map(|value| ResetWrite {
+                value,
+                resets: false,
+                ..reset
+            });
             return [stop, reset].into_iter().chain(clear).collect();
         }
-        let is_apart = run.places.registers.iter().any(|(kind, _)| *kind == OrderKind::Reset);
+        let is_apart = run
+            .places
+            .registers
+            .iter()
+            .any(|(kind, _)| *kind == OrderKind::Reset);
         let write = |step: &ResetStep| {
-            let is_there = if is_apart { step.address == Some(reset.address) } else { true };
+            let is_there = if is_apart {
+                step.address == Some(reset.address)
+            } else {
+                true
+            };
             let resets = is_there && step.value == reset.value;
-            let address = if resets { reset.address } else { step.address.unwrap_or(stop.address) };
-            ResetWrite { address, value: step.value, resets, wait: step.wait }
+            let address = if resets {
+                reset.address
+            } else {
+                step.address.unwrap_or(stop.address)
+            };
+            ResetWrite {
+                address,
+                value: step.value,
+                resets,
+                wait: step.wait,
+            }
         };
         run.reset_sequence.iter().map(write).collect()
     }
@@ -182,7 +234,10 @@ impl Model {
     /// The write that clears a reset whose word was left in its register; `None` if a reset leaves none there.
     #[must_use]
     pub fn reset_clears(&self) -> Option<ResetWrite> {
-        self.reset_writes().last().copied().filter(|last| !last.resets)
+        self.reset_writes()
+            .last()
+            .copied()
+            .filter(|last| !last.resets)
     }
 
     /// Whether a word written to the register of `kind` replaces a reset word that was left standing.

@@ -35,7 +35,14 @@ impl ParameterKind {
     }
 
     /// All kinds, in the order in which they are restored.
-    pub const ALL: [Self; 6] = [Self::Plain, Self::Source, Self::Link, Self::BackDoor, Self::Command, Self::ReadOnly];
+    pub const ALL: [Self; 6] = [
+        Self::Plain,
+        Self::Source,
+        Self::Link,
+        Self::BackDoor,
+        Self::Command,
+        Self::ReadOnly,
+    ];
 
     /// Whether a tool may restore it at all.
     #[must_use]
@@ -51,9 +58,9 @@ impl Register {
         match self.role {
             _ if !self.access.can_write() => ParameterKind::ReadOnly,
             _ if self.back_door.is_some() => ParameterKind::BackDoor,
-            Some(Role::RunCommand | Role::Order | Role::FrequencyCommand | Role::FrequencySetting) => {
-                ParameterKind::Command
-            }
+            Some(
+                Role::RunCommand | Role::Order | Role::FrequencyCommand | Role::FrequencySetting,
+            ) => ParameterKind::Command,
             Some(Role::FrequencySource | Role::RunSource) => ParameterKind::Source,
             _ if self.is_link => ParameterKind::Link,
             _ => ParameterKind::Plain,
@@ -70,14 +77,20 @@ impl Register {
 impl Model {
     /// The readable holding registers with a vendor code, in order of address.
     pub fn parameters(&self) -> impl Iterator<Item = &Register> {
-        let is_parameter = |it: &&Register| it.address.table() == Table::Holding && it.access.can_read();
-        self.registers.iter().filter(is_parameter).filter(|register| register.code.is_some())
+        let is_parameter =
+            |it: &&Register| it.address.table() == Table::Holding && it.access.can_read();
+        self.registers
+            .iter()
+            .filter(is_parameter)
+            .filter(|register| register.code.is_some())
     }
 
     /// Whether `word` at `address` satisfies an item of the set-up.
     #[must_use]
     pub fn is_set_up_by(&self, address: Address, word: u16) -> bool {
-        self.setup.iter().any(|item| item.address == Some(address) && item.is_right(word))
+        self.setup
+            .iter()
+            .any(|item| item.address == Some(address) && item.is_right(word))
     }
 }
 

@@ -25,25 +25,41 @@ impl ReadLimits {
     pub(in crate::profile) fn words_at(&self, address: Address) -> u16 {
         let number = address.number();
         let most = self.words_to_boundary(number);
-        let areas = || self.areas.iter().filter(|area| area.table == address.table());
+        let areas = || {
+            self.areas
+                .iter()
+                .filter(|area| area.table == address.table())
+        };
         if let Some(area) = areas().find(|area| area.contains(number)) {
             let to_edge = (area.to - number).saturating_add(1);
-            return area.max_words.value.min(to_edge).min(self.to_boundary(number));
+            return area
+                .max_words
+                .value
+                .min(to_edge)
+                .min(self.to_boundary(number));
         }
-        let next = areas().map(|area| area.from).filter(|from| *from > number).min();
+        let next = areas()
+            .map(|area| area.from)
+            .filter(|from| *from > number)
+            .min();
         next.map_or(most, |from| most.min(from - number))
     }
 
     /// The most words that any read may have.
     #[must_use]
     pub fn longest(&self) -> u16 {
-        self.areas.iter().map(|area| area.max_words.value).fold(self.max_words.value, u16::max)
+        self.areas
+            .iter()
+            .map(|area| area.max_words.value)
+            .fold(self.max_words.value, u16::max)
     }
 
     /// Whether a read may run over addresses without a register. What they show then proves nothing.
     #[must_use]
     pub fn reads_holes(&self) -> bool {
-        self.holes.as_ref().is_some_and(|holes| holes.value != Holes::Refused)
+        self.holes
+            .as_ref()
+            .is_some_and(|holes| holes.value != Holes::Refused)
     }
 
     fn words_to_boundary(&self, address: u16) -> u16 {

@@ -157,7 +157,13 @@ pub enum PollClass {
 
 impl PollClass {
     /// All classes, in the order of their declaration.
-    pub const ALL: [Self; 5] = [Self::Fast, Self::Second, Self::Slow, Self::Minutely, Self::Hourly];
+    pub const ALL: [Self; 5] = [
+        Self::Fast,
+        Self::Second,
+        Self::Slow,
+        Self::Minutely,
+        Self::Hourly,
+    ];
 
     /// Whether it is read every few seconds. A value that is polled less often is no measurement: its age says nothing about
     /// the drive.
@@ -265,8 +271,17 @@ impl Register {
     #[must_use]
     pub fn meaning(&self, word: u16) -> Option<&str> {
         let code = self.code_in(word);
-        let own = self.meanings.iter().find(|(of, _)| *of == code).map(|(_, text)| text);
-        let state = || self.states.iter().find(|state| word & state.mask == state.value).map(|state| &state.text);
+        let own = self
+            .meanings
+            .iter()
+            .find(|(of, _)| *of == code)
+            .map(|(_, text)| text);
+        let state = || {
+            self.states
+                .iter()
+                .find(|state| word & state.mask == state.value)
+                .map(|state| &state.text)
+        };
         own.or_else(state).map(String::as_str)
     }
 
@@ -284,6 +299,8 @@ impl Register {
     }
 
     fn takes_number(&self, raw: i64) -> bool {
-        self.range.as_ref().is_none_or(|range| (i64::from(*range.start())..=i64::from(*range.end())).contains(&raw))
+        self.range.as_ref().is_none_or(|range| {
+            (i64::from(*range.start())..=i64::from(*range.end())).contains(&raw)
+        })
     }
 }

@@ -85,7 +85,10 @@ impl BitMeaning {
     /// Whether the motor turns.
     #[must_use]
     pub const fn turns(self) -> bool {
-        matches!(self, Self::Run | Self::RunForward | Self::RunReverse | Self::Jog)
+        matches!(
+            self,
+            Self::Run | Self::RunForward | Self::RunReverse | Self::Jog
+        )
     }
 }
 
@@ -120,14 +123,22 @@ impl Sense {
     #[must_use]
     pub const fn of_bit(bit: u8, is_inverted: bool, meaning: BitMeaning) -> Self {
         let mask = 1 << (bit & 15);
-        Self { mask, word: if is_inverted { 0 } else { mask }, meaning }
+        Self {
+            mask,
+            word: if is_inverted { 0 } else { mask },
+            meaning,
+        }
     }
 
     /// That of a field with `value`, which is shifted down.
     #[must_use]
     pub const fn of_field(mask: u16, value: u16, meaning: BitMeaning) -> Self {
         let shift = if mask == 0 { 0 } else { mask.trailing_zeros() };
-        Self { mask, word: value << shift & mask, meaning }
+        Self {
+            mask,
+            word: value << shift & mask,
+            meaning,
+        }
     }
 
     /// Whether it holds with `word`.
@@ -189,7 +200,10 @@ impl WordSenses {
     /// What the drive does with `word`. What keeps a motor from turning takes precedence.
     #[must_use]
     pub fn effect(&self, word: u16) -> WordEffect {
-        use BitMeaning::{BusRun, Coast, DcBrake, Forward, Freeze, Ignored, QuickStop, Reverse, Stop, Toggle, Trip};
+        use BitMeaning::{
+            BusRun, Coast, DcBrake, Forward, Freeze, Ignored, QuickStop, Reverse, Stop, Toggle,
+            Trip,
+        };
         let has = |meaning| self.has(word, meaning);
         if has(Ignored) {
             WordEffect::Ignored
@@ -207,7 +221,11 @@ impl WordSenses {
             WordEffect::Turns
         } else if self.held(word).any(|sense| sense.meaning.turns()) {
             WordEffect::Run(self.direction(word))
-        } else if self.exists(Stop) && self.held(word).any(|sense| matches!(sense.meaning, Forward | Reverse)) {
+        } else if self.exists(Stop)
+            && self
+                .held(word)
+                .any(|sense| matches!(sense.meaning, Forward | Reverse))
+        {
             WordEffect::Turns
         } else if self.exists(Stop) {
             WordEffect::Nothing
@@ -220,7 +238,8 @@ impl WordSenses {
     #[must_use]
     pub fn direction(&self, word: u16) -> Option<Direction> {
         use BitMeaning::{Forward, Reverse, RunForward, RunReverse};
-        let has = |meanings: [BitMeaning; 2]| meanings.into_iter().any(|meaning| self.has(word, meaning));
+        let has =
+            |meanings: [BitMeaning; 2]| meanings.into_iter().any(|meaning| self.has(word, meaning));
         match (has([Forward, RunForward]), has([Reverse, RunReverse])) {
             (true, true) => None,
             (true, false) => Some(Direction::Forward),
@@ -235,7 +254,8 @@ impl WordSenses {
     #[must_use]
     pub fn contradicts(&self, word: u16) -> bool {
         use BitMeaning::{Forward, Reverse, RunForward, RunReverse};
-        let has = |meanings: [BitMeaning; 2]| meanings.into_iter().any(|meaning| self.has(word, meaning));
+        let has =
+            |meanings: [BitMeaning; 2]| meanings.into_iter().any(|meaning| self.has(word, meaning));
         has([Forward, RunForward]) && has([Reverse, RunReverse])
     }
 }
@@ -244,12 +264,21 @@ impl RunForm {
     /// The meanings of its bits and fields; empty if each word is one command.
     #[must_use]
     pub fn senses(&self) -> WordSenses {
-        let Self::Bits { bits, fields, .. } = self else { return WordSenses::default() };
-        let bits = bits.iter().map(|it| Sense::of_bit(it.bit.value, it.is_inverted, it.meaning));
+        let Self::Bits { bits, fields, .. } = self else {
+            return WordSenses::default();
+        };
+        let bits = bits
+            .iter()
+            .map(|it| Sense::of_bit(it.bit.value, it.is_inverted, it.meaning));
         let of_field = |field: &RunField| {
             let mask = field.mask.value;
-            let known = field.values.iter().filter_map(move |(value, meaning)| Some((*value, (*meaning)?)));
-            known.map(move |(value, meaning)| Sense::of_field(mask, value, meaning)).collect::<Vec<_>>()
+            let known = field
+                .values
+                .iter()
+                .filter_map(move |(value, meaning)| Some((*value, (*meaning)?)));
+            known
+                .map(move |(value, meaning)| Sense::of_field(mask, value, meaning))
+                .collect::<Vec<_>>()
         };
         WordSenses(bits.chain(fields.iter().flat_map(of_field)).collect())
     }
@@ -292,21 +321,36 @@ impl RunCommand {
     #[must_use]
     pub fn order_in(&self, word: u16) -> Option<OrderedWord> {
         // The word of an order that has a register of its own means nothing here.
-        let is_here = |kind: OrderKind| self.places.registers.iter().all(|(other, _)| *other != kind);
+        let is_here = |kind: OrderKind| {
+            self.places
+                .registers
+                .iter()
+                .all(|(other, _)| *other != kind)
+        };
         let is_word = |kind: OrderKind| self.word(kind).is_some_and(|fact| fact.value == word);
-        let exact = OrderKind::ALL.into_iter().find(|kind| is_word(*kind) && is_here(*kind));
+        let exact = OrderKind::ALL
+            .into_iter()
+            .find(|kind| is_word(*kind) && is_here(*kind));
         let kept = (self.is_stop(word) && is_here(OrderKind::Stop)).then_some(OrderedWord::Stop);
-        exact.map(OrderedWord::of).or(kept).or_else(|| self.order_in_zero().filter(|_| word == 0))
+        exact
+            .map(OrderedWord::of)
+            .or(kept)
+            .or_else(|| self.order_in_zero().filter(|_| word == 0))
     }
 
     /// What a written 0 orders that is no command; `None` if the model does not say what a drive does with it.
     fn order_in_zero(&self) -> Option<OrderedWord> {
-        let can_coast = self.coast.as_ref().is_some_and(|coast| coast.confidence.is_proven());
+        let can_coast = self
+            .coast
+            .as_ref()
+            .is_some_and(|coast| coast.confidence.is_proven());
         Some(match self.zero.as_ref()?.value {
             ZeroWord::Coast if can_coast => OrderedWord::Coast,
-            ZeroWord::Stop | ZeroWord::Coast | ZeroWord::Nothing | ZeroWord::Ignored | ZeroWord::Release => {
-                OrderedWord::Stop
-            }
+            ZeroWord::Stop
+            | ZeroWord::Coast
+            | ZeroWord::Nothing
+            | ZeroWord::Ignored
+            | ZeroWord::Release => OrderedWord::Stop,
         })
     }
 }
@@ -321,11 +365,28 @@ mod tests {
     #[test]
     fn a_word_of_another_register_orders_nothing_in_the_run_command() {
         let mut run = check::model(ZERO_NOTHING).unwrap().run.unwrap();
-        let fact = |value| Some(Fact { value, confidence: Confidence::Manual, source: "UM 4".to_owned() });
+        let fact = |value| {
+            Some(Fact {
+                value,
+                confidence: Confidence::Manual,
+                source: "UM 4".to_owned(),
+            })
+        };
         (run.release, run.coast) = (fact(0), fact(7));
-        assert_eq!((run.order_in(0), run.order_in(7)), (Some(OrderedWord::Release), Some(OrderedWord::Coast)));
-        run.places.registers = [OrderKind::Release, OrderKind::Coast].map(|kind| (kind, 0x3000_u16.into())).to_vec();
-        assert_eq!((run.order_in(0), run.order_in(7)), (Some(OrderedWord::Stop), None));
-        assert_eq!(run.order_in(0x0012), Some(OrderedWord::Go(Direction::Forward)));
+        assert_eq!(
+            (run.order_in(0), run.order_in(7)),
+            (Some(OrderedWord::Release), Some(OrderedWord::Coast))
+        );
+        run.places.registers = [OrderKind::Release, OrderKind::Coast]
+            .map(|kind| (kind, 0x3000_u16.into()))
+            .to_vec();
+        assert_eq!(
+            (run.order_in(0), run.order_in(7)),
+            (Some(OrderedWord::Stop), None)
+        );
+        assert_eq!(
+            run.order_in(0x0012),
+            Some(OrderedWord::Go(Direction::Forward))
+        );
     }
 }

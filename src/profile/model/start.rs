@@ -41,7 +41,11 @@ impl StartStep {
     /// The longest time between the word and the next one.
     #[must_use]
     pub fn longest(&self) -> Duration {
-        self.at_least + self.until.as_ref().map_or(Duration::ZERO, |until| until.within)
+        self.at_least
+            + self
+                .until
+                .as_ref()
+                .map_or(Duration::ZERO, |until| until.within)
     }
 }
 
@@ -55,7 +59,10 @@ impl Model {
     /// The word that takes back a start; `None` if the model starts by the run word alone.
     #[must_use]
     pub fn start_take_back(&self) -> Option<u16> {
-        let run = self.run.as_ref().filter(|run| !run.start.steps.is_empty())?;
+        let run = self
+            .run
+            .as_ref()
+            .filter(|run| !run.start.steps.is_empty())?;
         Some(run.start.take_back.as_ref().unwrap_or(&run.stop).value)
     }
 

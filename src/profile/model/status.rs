@@ -64,7 +64,11 @@ impl StatusFlag {
     /// Whether the flag is set if its register holds `word`; `None` for a word that no document names: it proves nothing.
     #[must_use]
     pub fn reads(&self, word: u16) -> Option<bool> {
-        if self.holds(word) { Some(true) } else { self.clear.names(word).then_some(false) }
+        if self.holds(word) {
+            Some(true)
+        } else {
+            self.clear.names(word).then_some(false)
+        }
     }
 }
 
@@ -143,9 +147,23 @@ impl StateText {
     /// The same without its source, with the text marked if it is unproven.
     #[must_use]
     pub fn masked(&self) -> MaskedText {
-        let Self { mask, value, text, confidence, .. } = self;
-        let text = if confidence.is_proven() { text.clone() } else { format!("{text} ({})", confidence.word()) };
-        MaskedText { mask: *mask, value: *value, text }
+        let Self {
+            mask,
+            value,
+            text,
+            confidence,
+            ..
+        } = self;
+        let text = if confidence.is_proven() {
+            text.clone()
+        } else {
+            format!("{text} ({})", confidence.word())
+        };
+        MaskedText {
+            mask: *mask,
+            value: *value,
+            text,
+        }
     }
 }
 
@@ -153,16 +171,24 @@ impl Model {
     /// Whether run state, standstill or trips are read at `address`: without it stops and trips are seen later, or not.
     #[must_use]
     pub fn is_essential(&self, address: Address) -> bool {
-        let output = self.register_for(Role::OutputFrequency).map(|register| register.address);
+        let output = self
+            .register_for(Role::OutputFrequency)
+            .map(|register| register.address);
         let trips = self.trip_register().map(|register| register.address);
-        let mut flags = self.status.iter().filter(|flag| !flag.flag.is_permission()).map(|flag| flag.address);
+        let mut flags = self
+            .status
+            .iter()
+            .filter(|flag| !flag.flag.is_permission())
+            .map(|flag| flag.address);
         output == Some(address) || trips == Some(address) || flags.any(|flag| flag == address)
     }
 
     /// The register that shows the states of the drive's own state machine.
     #[must_use]
     pub fn state_register(&self) -> Option<&Register> {
-        self.registers.iter().find(|register| !register.states.is_empty())
+        self.registers
+            .iter()
+            .find(|register| !register.states.is_empty())
     }
 
     /// The vendor's words for the state that `word` of that register shows, marked if they are unproven; `None` if the model
@@ -170,7 +196,10 @@ impl Model {
     #[must_use]
     pub fn drive_state(&self, word: u16) -> Option<String> {
         let states = &self.state_register()?.states;
-        states.iter().find(|state| word & state.mask == state.value).map(|state| state.text.clone())
+        states
+            .iter()
+            .find(|state| word & state.mask == state.value)
+            .map(|state| state.text.clone())
     }
 }
 

@@ -8,7 +8,11 @@ pub(super) const FILE: &[Section] = &[
         table: "",
         says: "These keys come before the first table.",
         keys: &[
-            ("id", "", "The name of the model, `vendor-model`; what `model = ` says in a configuration."),
+            (
+                "id",
+                "",
+                "The name of the model, `vendor-model`; what `model = ` says in a configuration.",
+            ),
             (
                 "like",
                 "",
@@ -23,7 +27,11 @@ pub(super) const FILE: &[Section] = &[
             ),
             ("vendor", "", "The maker's name."),
             ("title", "", "The product's name."),
-            ("functions", "", "The function codes that the drive serves, in decimal or as `0x10`."),
+            (
+                "functions",
+                "",
+                "The function codes that the drive serves, in decimal or as `0x10`.",
+            ),
         ],
     },
     Section {
@@ -31,7 +39,11 @@ pub(super) const FILE: &[Section] = &[
         says: "A fact is a table that says where its content comes from: `{ value = 3.5, confidence = \"manual\", source = \
                \"UM 9.2\" }`. The tables below say which of them are facts; each row of a list of facts is one.",
         keys: &[
-            ("confidence", "", "How sure the fact is; no better than the document of its source allows."),
+            (
+                "confidence",
+                "",
+                "How sure the fact is; no better than the document of its source allows.",
+            ),
             (
                 "source",
                 "",
@@ -49,9 +61,17 @@ pub(super) const FILE: &[Section] = &[
         table: "documents",
         says: "The documents that facts cite, each under a short name of your choice.",
         keys: &[
-            ("NAME", "", "The title, of a manual of this very model; or a table with the keys below."),
+            (
+                "NAME",
+                "",
+                "The title, of a manual of this very model; or a table with the keys below.",
+            ),
             ("NAME.title", "", "The title."),
-            ("NAME.kind", "", "What the document is. It decides how sure its facts may be."),
+            (
+                "NAME.kind",
+                "",
+                "What the document is. It decides how sure its facts may be.",
+            ),
             (
                 "NAME.of",
                 "this model",
@@ -83,7 +103,11 @@ pub(super) const LINE: &[Section] = &[
                  line, and `data_bits` with ASCII frames.",
             ),
             ("default.baud", "required without `ask`", "Speed in bit/s."),
-            ("default.data_bits", "required without `ask`", "Data bits; 7 is a factory setting of ASCII frames."),
+            (
+                "default.data_bits",
+                "required without `ask`",
+                "Data bits; 7 is a factory setting of ASCII frames.",
+            ),
             ("default.parity", "required without `ask`", "Parity."),
             ("default.stop_bits", "required without `ask`", "Stop bits."),
             ("bauds", "", "The speeds in bit/s that can be set."),
@@ -100,18 +124,42 @@ pub(super) const LINE: &[Section] = &[
                 "",
                 "A documented broadcast. It is used for one thing only, a stop for every drive of a line.",
             ),
-            ("broadcast.station", "", "The station number that addresses all drives."),
-            ("broadcast.functions", "", "The functions that may be broadcast; each is in `functions`."),
+            (
+                "broadcast.station",
+                "",
+                "The station number that addresses all drives.",
+            ),
+            (
+                "broadcast.functions",
+                "",
+                "The functions that may be broadcast; each is in `functions`.",
+            ),
         ],
     },
     Section {
         table: "timing",
         says: "Times on the line. Here, and only here, a fact may be a `default`.",
         keys: &[
-            ("gap_chars", "", "Silence before and after each frame, in characters."),
-            ("reply_timeout_cap", "", "How long a reply is waited for until response times have been measured."),
-            ("processing_max", "not known", "The longest processing time of a request."),
-            ("stored_write_max", "not known", "The longest processing time of a write to a stored register."),
+            (
+                "gap_chars",
+                "",
+                "Silence before and after each frame, in characters.",
+            ),
+            (
+                "reply_timeout_cap",
+                "",
+                "How long a reply is waited for until response times have been measured.",
+            ),
+            (
+                "processing_max",
+                "not known",
+                "The longest processing time of a request.",
+            ),
+            (
+                "stored_write_max",
+                "not known",
+                "The longest processing time of a write to a stored register.",
+            ),
             (
                 "reply_delay_max",
                 "not known",
@@ -127,8 +175,16 @@ pub(super) const LINE: &[Section] = &[
                 "none",
                 "How long the drive is left alone after its reply to a write. A stop waits for it too.",
             ),
-            ("pause_after_stored_write", "as `pause_after_write`", "The same after a write to a stored register."),
-            ("max_lateness", "", "How long after a time-out a late reply may still arrive."),
+            (
+                "pause_after_stored_write",
+                "as `pause_after_write`",
+                "The same after a write to a stored register.",
+            ),
+            (
+                "max_lateness",
+                "",
+                "How long after a time-out a late reply may still arrive.",
+            ),
         ],
     },
     Section {
@@ -136,10 +192,26 @@ pub(super) const LINE: &[Section] = &[
         says: "The limits of reads.",
         keys: &[
             ("max_words", "", "Most words in one read."),
-            ("max_words_ascii", "as `max_words`", "The same in ASCII frames."),
-            ("boundary", "none", "A boundary that no read crosses: a change of the address's high byte."),
-            ("max_bytes", "not known", "The longest frame in bytes, if the manual limits frames instead of words."),
-            ("holes", "`refused`", "What a read of an address without a register shows."),
+            (
+                "max_words_ascii",
+                "as `max_words`",
+                "The same in ASCII frames.",
+            ),
+            (
+                "boundary",
+                "none",
+                "A boundary that no read crosses: a change of the address's high byte.",
+            ),
+            (
+                "max_bytes",
+                "not known",
+                "The longest frame in bytes, if the manual limits frames instead of words.",
+            ),
+            (
+                "holes",
+                "`refused`",
+                "What a read of an address without a register shows.",
+            ),
         ],
     },
     Section {
@@ -169,7 +241,11 @@ pub(super) const LINE: &[Section] = &[
                 "The table that it is in: `\"coil\"` for neighbouring coils, which function 0F hex writes.",
             ),
             ("block.address", "", "The first register."),
-            ("block.count", "", "How many registers there are from it on."),
+            (
+                "block.count",
+                "",
+                "How many registers there are from it on.",
+            ),
         ],
     },
     Section {
@@ -178,7 +254,11 @@ pub(super) const LINE: &[Section] = &[
         keys: &[
             ("code", "", "The code."),
             ("text", "", "Its meaning."),
-            ("kind", "a refusal", "What the drive means by it. A write is never tried again for it."),
+            (
+                "kind",
+                "a refusal",
+                "What the drive means by it. A write is never tried again for it.",
+            ),
         ],
     },
     Section {
@@ -193,7 +273,11 @@ pub(super) const LINE: &[Section] = &[
                           different lengths are better than one.",
             ),
             ("read.table", "`holding`", "The table that it is in."),
-            ("read.address", "", "The first register. All of them are readable."),
+            (
+                "read.address",
+                "",
+                "The first register. All of them are readable.",
+            ),
             ("read.count", "", "How many words."),
             (
                 "loop_test",
@@ -238,13 +322,41 @@ pub(super) const LINE: &[Section] = &[
                 "A stored register has another address by which it is written in RAM. A setpoint goes there; `params` and `enable` \
                  write the register itself, native clients what they are allowed by `write`. Used only if proven.",
             ),
-            ("ram_alias.mask", "", "The bits of an address that tell the register from its form in RAM."),
-            ("ram_alias.from", "", "These bits of a register that has such a form."),
-            ("ram_alias.to", "", "These bits of its form in RAM, at which no other register is."),
-            ("ram_alias.readable", "false", "Whether the form in RAM can be read as well."),
-            ("deaf_after_power_up", "not known", "How long the drive ignores requests after it was switched on."),
-            ("deaf_after_reset", "not known", "How long the drive ignores requests after a reset."),
-            ("pause_before_request", "none", "A pause that the drive needs before each request."),
+            (
+                "ram_alias.mask",
+                "",
+                "The bits of an address that tell the register from its form in RAM.",
+            ),
+            (
+                "ram_alias.from",
+                "",
+                "These bits of a register that has such a form.",
+            ),
+            (
+                "ram_alias.to",
+                "",
+                "These bits of its form in RAM, at which no other register is.",
+            ),
+            (
+                "ram_alias.readable",
+                "false",
+                "Whether the form in RAM can be read as well.",
+            ),
+            (
+                "deaf_after_power_up",
+                "not known",
+                "How long the drive ignores requests after it was switched on.",
+            ),
+            (
+                "deaf_after_reset",
+                "not known",
+                "How long the drive ignores requests after a reset.",
+            ),
+            (
+                "pause_before_request",
+                "none",
+                "A pause that the drive needs before each request.",
+            ),
         ],
     },
 ];

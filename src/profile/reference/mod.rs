@@ -35,7 +35,13 @@ struct Words {
 
 /// Lists of tables that a file with `like` replaces as a whole.
 #[cfg(test)]
-const REPLACED: [&str; 5] = ["barrier", "run.never", "run.start", "run.state", "register.plus"];
+const REPLACED: [&str; 5] = [
+    "barrier",
+    "run.never",
+    "run.start",
+    "run.state",
+    "register.plus",
+];
 
 /// Keys whose words explain themselves.
 const PLAIN: [&str; 9] = [
@@ -51,7 +57,15 @@ const PLAIN: [&str; 9] = [
 ];
 
 fn sections() -> impl Iterator<Item = &'static Section> {
-    [file::FILE, file::LINE, orders::ORDERS, orders::STATES, registers::REGISTERS].into_iter().flatten()
+    [
+        file::FILE,
+        file::LINE,
+        orders::ORDERS,
+        orders::STATES,
+        registers::REGISTERS,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 fn path_of(section: &Section, key: &str) -> String {
@@ -66,8 +80,16 @@ fn reference(schema: &Schema) -> String {
         text.push_str("| key | | what is valid | meaning |\n| --- | --- | --- | --- |\n");
         for (key, absent, says) in section.keys {
             let path = path_of(section, key);
-            let need = if schema.is_required(&path) { "required" } else { absent };
-            let _ = writeln!(text, "| `{key}` | {need} | {} | {says} |", kind(schema, &path));
+            let need = if schema.is_required(&path) {
+                "required"
+            } else {
+                absent
+            };
+            let _ = writeln!(
+                text,
+                "| `{key}` | {need} | {} | {says} |",
+                kind(schema, &path)
+            );
         }
     }
     text.push_str(words::LIKE);
@@ -77,7 +99,11 @@ fn reference(schema: &Schema) -> String {
     }
     text.push_str("\n## Words\n");
     for Words { of, words } in words::WORDS {
-        let _ = write!(text, "\n### {}\n\n| word | meaning |\n| --- | --- |\n", of.join(", "));
+        let _ = write!(
+            text,
+            "\n### {}\n\n| word | meaning |\n| --- | --- |\n",
+            of.join(", ")
+        );
         for (word, says) in *words {
             let _ = writeln!(text, "| `\"{word}\"` | {says} |");
         }
@@ -95,7 +121,11 @@ fn section_head(schema: &Schema, section: &Section, text: &mut String) {
     };
     let _ = write!(text, "\n## {heading}\n\n{}", section.says);
     if !table.is_empty() && schema.form(table).is_some() {
-        text.push_str(if schema.is_required(table) { " Required." } else { " Optional." });
+        text.push_str(if schema.is_required(table) {
+            " Required."
+        } else {
+            " Optional."
+        });
     }
     if schema.is_fact(table) {
         text.push_str(" With `confidence` and `source`.");
@@ -107,10 +137,18 @@ fn section_head(schema: &Schema, section: &Section, text: &mut String) {
 fn kind(schema: &Schema, path: &str) -> String {
     let list = words::WORDS.iter().find(|words| words.of.contains(&path));
     let link = |words: &Words| {
-        let anchor: String = words.of.join(", ").to_lowercase().chars().filter(|c| !['.', ','].contains(c)).collect();
+        let anchor: String = words
+            .of
+            .join(", ")
+            .to_lowercase()
+            .chars()
+            .filter(|c| !['.', ','].contains(c))
+            .collect();
         format!("[one of these words](#{})", anchor.replace(' ', "-"))
     };
-    schema.kind(path, list.map(link).as_deref()).replace('|', "\\|")
+    schema
+        .kind(path, list.map(link).as_deref())
+        .replace('|', "\\|")
 }
 
 #[cfg(test)]
@@ -118,28 +156,48 @@ mod tests {
     use super::*;
 
     fn told() -> BTreeSet<String> {
-        let keys = sections().flat_map(|section| section.keys.iter().map(|(key, ..)| path_of(section, key)));
-        let tables = sections().map(|section| section.table.to_owned()).filter(|table| !table.is_empty());
-        keys.chain(tables.filter(|table| *table != words::FACT)).collect()
+        let keys = sections()
+            .flat_map(|section| section.keys.iter().map(|(key, ..)| path_of(section, key)));
+        let tables = sections()
+            .map(|section| section.table.to_owned())
+            .filter(|table| !table.is_empty());
+        keys.chain(tables.filter(|table| *table != words::FACT))
+            .collect()
     }
 
     #[test]
     fn every_key_that_is_read_has_a_sentence() {
         let schema = Schema::of_the_readers();
-        assert_eq!(schema.unread_tables(), [""; 0], "no model file of this repository has these tables");
+        assert_eq!(
+            schema.unread_tables(),
+            [""; 0],
+            "no model file of this repository has these tables"
+        );
         let told = told();
         let read: BTreeSet<_> = schema.paths().collect();
         let silent: Vec<_> = read.iter().filter(|path| !told.contains(**path)).collect();
-        assert!(silent.is_empty(), "keys without a sentence in `src/profile/reference`: {silent:?}");
-        let stale: Vec<_> = told.iter().filter(|path| !read.contains(path.as_str())).collect();
-        assert!(stale.is_empty(), "sentences about keys that no reader asks for: {stale:?}");
+        assert!(
+            silent.is_empty(),
+            "keys without a sentence in `src/profile/reference`: {silent:?}"
+        );
+        let stale: Vec<_> = told
+            .iter()
+            .filter(|path| !read.contains(path.as_str()))
+            .collect();
+        assert!(
+            stale.is_empty(),
+            "sentences about keys that no reader asks for: {stale:?}"
+        );
     }
 
     /// Each list of tables is merged by rows or replaced as a whole.
     #[test]
     fn every_list_of_tables_is_merged_or_replaced() {
         let schema = Schema::of_the_readers();
-        let lists: BTreeSet<_> = schema.paths().filter(|path| schema.form(path) == Some(Form::Tables)).collect();
+        let lists: BTreeSet<_> = schema
+            .paths()
+            .filter(|path| schema.form(path) == Some(Form::Tables))
+            .collect();
         let rows = ROWS.iter().map(|(list, _)| *list);
         assert_eq!(rows.chain(REPLACED).collect::<BTreeSet<_>>(), lists);
     }
@@ -148,13 +206,25 @@ mod tests {
     fn every_word_that_is_read_has_a_meaning() {
         let schema = Schema::of_the_readers();
         let read = schema.words();
-        let with_meanings: Vec<_> = words::WORDS.iter().flat_map(|words| words.of).chain(&PLAIN).collect();
+        let with_meanings: Vec<_> = words::WORDS
+            .iter()
+            .flat_map(|words| words.of)
+            .chain(&PLAIN)
+            .collect();
         for (path, words) in &read {
-            assert!(with_meanings.contains(&path), "the words of {path} have no meanings: {words:?}");
+            assert!(
+                with_meanings.contains(&path),
+                "the words of {path} have no meanings: {words:?}"
+            );
         }
         for Words { of, words } in words::WORDS {
             let told: BTreeSet<_> = words.iter().map(|(word, _)| *word).collect();
-            let read: BTreeSet<_> = of.iter().filter_map(|path| read.get(path)).flatten().copied().collect();
+            let read: BTreeSet<_> = of
+                .iter()
+                .filter_map(|path| read.get(path))
+                .flatten()
+                .copied()
+                .collect();
             assert_eq!(told, read, "{of:?}");
         }
     }
@@ -166,6 +236,9 @@ mod tests {
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();
         }
-        assert!(found == std::fs::read_to_string(&path).unwrap(), "{path} is another one: UPDATE_GOLDEN=1 writes it");
+        assert!(
+            found == std::fs::read_to_string(&path).unwrap(),
+            "{path} is another one: UPDATE_GOLDEN=1 writes it"
+        );
     }
 }

@@ -3,7 +3,8 @@
 use super::Section;
 
 const RUN_REGISTER: &str = "the one for run commands";
-const OWN_REGISTER: &str = "The name of the register that takes the word, if it has one of its own.";
+const OWN_REGISTER: &str =
+    "The name of the register that takes the word, if it has one of its own.";
 
 pub(super) const ORDERS: &[Section] = &[
     Section {
@@ -14,10 +15,22 @@ pub(super) const ORDERS: &[Section] = &[
             ("form", "", "How the words are built."),
             ("stop", "", "The word that ramps the motor down."),
             ("forward", "", "The word that runs the motor forward."),
-            ("reverse", "no such order", "The word that runs the motor in reverse."),
-            ("coast", "no such order", "The word that cuts the output off."),
+            (
+                "reverse",
+                "no such order",
+                "The word that runs the motor in reverse.",
+            ),
+            (
+                "coast",
+                "no such order",
+                "The word that cuts the output off.",
+            ),
             ("reset", "no such order", "The word that resets a trip."),
-            ("release", "no such order", "The word that hands control back to panel and terminals."),
+            (
+                "release",
+                "no such order",
+                "The word that hands control back to panel and terminals.",
+            ),
             ("stop.value", "", "The word."),
             ("stop.register", RUN_REGISTER, OWN_REGISTER),
             (
@@ -52,9 +65,17 @@ pub(super) const ORDERS: &[Section] = &[
                 "part of the run word",
                 "The direction, where it is written to a register of its own before the run word. `reverse` is then left out.",
             ),
-            ("direction.register", "", "The name of that register, which is writable and takes nothing else."),
+            (
+                "direction.register",
+                "",
+                "The name of that register, which is writable and takes nothing else.",
+            ),
             ("direction.forward", "", "The word for forward."),
-            ("direction.reverse", "no such order", "The word for reverse."),
+            (
+                "direction.reverse",
+                "no such order",
+                "The word for reverse.",
+            ),
             (
                 "reverse_by",
                 "a word of its own",
@@ -65,8 +86,16 @@ pub(super) const ORDERS: &[Section] = &[
                 "`stop`",
                 "The word that takes back a start that the drive does not follow. Only beside `[[run.start]]`.",
             ),
-            ("state", "no texts", "The states of the drive in the vendor's words, see `[[run.state]]`."),
-            ("start", "the run word alone", "The words before the run word, see `[[run.start]]`."),
+            (
+                "state",
+                "no texts",
+                "The states of the drive in the vendor's words, see `[[run.state]]`.",
+            ),
+            (
+                "start",
+                "the run word alone",
+                "The words before the run word, see `[[run.start]]`.",
+            ),
             (
                 "reset_sequence",
                 "required with a `reset` that has no register of its own",
@@ -91,7 +120,11 @@ pub(super) const ORDERS: &[Section] = &[
                 "What the drive does with the word 0. Required where the meanings of bits leave it open. A 0 that a client writes is a \
                  coast where 0 coasts and `coast` is proven; otherwise it goes out as the stop word.",
             ),
-            ("never", "none", "Words that are never written, whatever a client asks for."),
+            (
+                "never",
+                "none",
+                "Words that are never written, whatever a client asks for.",
+            ),
             ("never.value", "", "The word."),
             (
                 "never.register",
@@ -141,10 +174,22 @@ pub(super) const ORDERS: &[Section] = &[
                ramps down, gets the run word only as well, or the last of them and the run word where the last is `stop`.",
         keys: &[
             ("write", "", "The word. It neither runs nor resets."),
-            ("until", "only time must pass", "What the drive must show before the next word."),
-            ("until.register", "", "The name of the readable register that shows it."),
+            (
+                "until",
+                "only time must pass",
+                "What the drive must show before the next word.",
+            ),
+            (
+                "until.register",
+                "",
+                "The name of the readable register that shows it.",
+            ),
             ("until.mask", "the whole word", "The bits that count."),
-            ("until.values", "", "The masked words, one of which it must hold."),
+            (
+                "until.values",
+                "",
+                "The masked words, one of which it must hold.",
+            ),
             (
                 "at_least",
                 "`\"0s\"`, required without `until`",
@@ -164,7 +209,11 @@ pub(super) const ORDERS: &[Section] = &[
                shown: in `drive_state` of the `state` over MQTT and of `/api/v1`, and beside the word on the page, by `read` and by \
                `watch`. A word that is none of them has no text.",
         keys: &[
-            ("register", "", "The name of the polled register that shows all of them."),
+            (
+                "register",
+                "",
+                "The name of the polled register that shows all of them.",
+            ),
             ("mask", "the whole word", "The bits that count."),
             ("value", "", "The masked word."),
             ("text", "", "The vendor's words for the state."),
@@ -177,13 +226,21 @@ pub(super) const ORDERS: &[Section] = &[
         keys: &[
             ("what", "", "The vendor's code, or the switch."),
             ("text", "", "The setting and what it must be, in words."),
-            ("register", "set at the drive", "The name of its register, which is readable and writable."),
+            (
+                "register",
+                "set at the drive",
+                "The name of its register, which is readable and writable.",
+            ),
             (
                 "mask",
                 "the whole word",
                 "The bits that `values` are compared with. A setting with a mask is not written.",
             ),
-            ("values", "required with `register`", "The words that are right; `enable` writes the first one."),
+            (
+                "values",
+                "required with `register`",
+                "The words that are right; `enable` writes the first one.",
+            ),
             (
                 "needed_for",
                 "none",
@@ -199,9 +256,21 @@ pub(super) const ORDERS: &[Section] = &[
         keys: &[
             ("register", "", "The name of the register."),
             ("mask", "the whole word", "The bits that count."),
-            ("values", "", "The masked words that drives of this model show."),
-            ("others", "none", "Masked words of other drives with their names: `{ \"272\" = \"Acme Flux 3\" }`."),
-            ("others.NAME", "", "The name of the drive that shows this word, in decimal."),
+            (
+                "values",
+                "",
+                "The masked words that drives of this model show.",
+            ),
+            (
+                "others",
+                "none",
+                "Masked words of other drives with their names: `{ \"272\" = \"Acme Flux 3\" }`.",
+            ),
+            (
+                "others.NAME",
+                "",
+                "The name of the drive that shows this word, in decimal.",
+            ),
         ],
     },
     Section {
@@ -209,9 +278,17 @@ pub(super) const ORDERS: &[Section] = &[
         says: "The drive's own watchdog: what it does when the bus is silent. `verify`, `require_watchdog` and an alarm rest on \
                it.",
         keys: &[
-            ("register", "", "The name of the register that holds its time."),
+            (
+                "register",
+                "",
+                "The name of the register that holds its time.",
+            ),
             ("off", "", "The word of that register that switches it off."),
-            ("action", "none", "The name of the register that holds what the drive does when the time is over."),
+            (
+                "action",
+                "none",
+                "The name of the register that holds what the drive does when the time is over.",
+            ),
             (
                 "action_digit",
                 "the whole word",
@@ -281,7 +358,11 @@ pub(super) const STATES: &[Section] = &[
                  `bus-frequency`, all other words count as such. A word that is named nowhere proves nothing: it ends no \
                  stop and clears no trip.",
             ),
-            ("others_clear", "no", "A document says that it does not hold with any other word."),
+            (
+                "others_clear",
+                "no",
+                "A document says that it does not hold with any other word.",
+            ),
         ],
     },
     Section {
@@ -290,7 +371,11 @@ pub(super) const STATES: &[Section] = &[
                role `trip-bits`. Rows are told apart by `code` or `bit`.",
         keys: &[
             ("code", "required without `bit`", "The number of the trip."),
-            ("bit", "", "The bit of the trip, 0 for the lowest; up to 31 where the register has two words."),
+            (
+                "bit",
+                "",
+                "The bit of the trip, 0 for the lowest; up to 31 where the register has two words.",
+            ),
             ("text", "", "Its meaning."),
         ],
     },
@@ -298,7 +383,11 @@ pub(super) const STATES: &[Section] = &[
         table: "warning",
         says: "The vendor's texts for warnings, as `[[trip]]`. A warning is shown and does nothing else.",
         keys: &[
-            ("code", "required without `bit`", "The number of the warning."),
+            (
+                "code",
+                "required without `bit`",
+                "The number of the warning.",
+            ),
             ("bit", "", "The bit of the warning, 0 for the lowest."),
             ("text", "", "Its meaning."),
         ],
@@ -315,13 +404,41 @@ pub(super) const STATES: &[Section] = &[
                 "A code is the name of a group and a number in decimal; the address is the group's high byte and the number: \
                  with `{ F = 0x01 }` `F08` is 0x0108.",
             ),
-            ("groups.NAME", "", "The high byte of the group. Upper and lower case are different groups."),
-            ("ends", "all numbers", "Groups in which the rule ends at a number: codes beyond it may be anywhere."),
-            ("ends.NAME", "", "The last number of the group that follows the rule."),
-            ("separator", "none", "The text between group and number, as the `.` of `P.01`."),
-            ("group", "100", "With `form = \"linear\"` and a separator: addresses from one group to the next."),
-            ("number", "1", "With `form = \"linear\"`: addresses from one number to the next."),
-            ("offset", "0", "With `form = \"linear\"`: the address of number 0 in group 0, often -1."),
+            (
+                "groups.NAME",
+                "",
+                "The high byte of the group. Upper and lower case are different groups.",
+            ),
+            (
+                "ends",
+                "all numbers",
+                "Groups in which the rule ends at a number: codes beyond it may be anywhere.",
+            ),
+            (
+                "ends.NAME",
+                "",
+                "The last number of the group that follows the rule.",
+            ),
+            (
+                "separator",
+                "none",
+                "The text between group and number, as the `.` of `P.01`.",
+            ),
+            (
+                "group",
+                "100",
+                "With `form = \"linear\"` and a separator: addresses from one group to the next.",
+            ),
+            (
+                "number",
+                "1",
+                "With `form = \"linear\"`: addresses from one number to the next.",
+            ),
+            (
+                "offset",
+                "0",
+                "With `form = \"linear\"`: the address of number 0 in group 0, often -1.",
+            ),
         ],
     },
 ];

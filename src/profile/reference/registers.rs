@@ -6,7 +6,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
     table: "register",
     says: "One register. Leave out what is not documented. Rows are told apart by `name`.",
     keys: &[
-        ("name", "", "Its name, unique in the file; what topics, `read` and `write` call it."),
+        (
+            "name",
+            "",
+            "Its name, unique in the file; what topics, `read` and `write` call it.",
+        ),
         ("title", "", "A description."),
         ("code", "none", "The vendor's code, as `F007`."),
         (
@@ -21,10 +25,22 @@ pub(super) const REGISTERS: &[Section] = &[Section {
         ),
         ("unit", "", "The unit of the value; `-` for none."),
         ("access", "", "What the documents say can be done with it."),
-        ("role", "none", "What the gateway uses it for. A role belongs to one register, except `trip-history`."),
+        (
+            "role",
+            "none",
+            "What the gateway uses it for. A role belongs to one register, except `trip-history`.",
+        ),
         ("poll", "on request only", "How often it is read."),
-        ("memory", "not known, treated as `stored`", "Where a written value is kept."),
-        ("scale", "1", "Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps."),
+        (
+            "memory",
+            "not known, treated as `stored`",
+            "Where a written value is kept.",
+        ),
+        (
+            "scale",
+            "1",
+            "Raw steps in one unit: with 100 a raw 4250 is 42.50. Or a ratio: value = raw x per / steps.",
+        ),
         ("scale.steps", "", "Raw steps."),
         ("scale.per", "", "The number of units that they are."),
         (
@@ -32,13 +48,21 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "false",
             "Whether the number is in two's complement. Required with `not_stated = [\"sign\"]`: below half of the range both readings agree.",
         ),
-        ("range", "not known", "The least and the greatest value that the drive takes, in the unit: `[0.1, 600.0]`."),
+        (
+            "range",
+            "not known",
+            "The least and the greatest value that the drive takes, in the unit: `[0.1, 600.0]`.",
+        ),
         (
             "plausible",
             "none",
             "What it shows of every drive of this model, in the unit: `[150, 900]`. Until it was seen in this range after the drive came into sight, no reading of the drive is shown as good, and every order but a stop is refused (`implausible`): the addresses may be off by one, or the drive another one.",
         ),
-        ("values", "none", "The meanings of its words: `{ \"0\" = \"panel\", \"2\" = \"bus\" }`."),
+        (
+            "values",
+            "none",
+            "The meanings of its words: `{ \"0\" = \"panel\", \"2\" = \"bus\" }`.",
+        ),
         ("values.NAME", "", "The meaning of this word, in decimal."),
         (
             "back_door",
@@ -50,7 +74,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "false",
             "Whether it decides how the drive is reached: station, speed, format. `params restore` writes it last, and only on request.",
         ),
-        ("not_stated", "none", "What of this row its source does not state, so that it is not proven."),
+        (
+            "not_stated",
+            "none",
+            "What of this row its source does not state, so that it is not proven.",
+        ),
         (
             "deaf_after",
             "none",
@@ -67,7 +95,11 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "1",
             "2 for a 32-bit value, which takes this address and the next. Both words are read in one frame. Only a setpoint may be written: both words in one frame of function 10 hex.",
         ),
-        ("word_order", "required with `words = 2`", "The order of the two words."),
+        (
+            "word_order",
+            "required with `words = 2`",
+            "The order of the two words.",
+        ),
         (
             "mask",
             "the whole word",
@@ -78,8 +110,16 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "none",
             "Beside `mask`: at most 3 bits with a power of ten: value = number x 10^exponent / scale.",
         ),
-        ("full_scale", "none", "The value is a fraction: from + raw / steps x (of - from). In place of `scale`."),
-        ("full_scale.steps", "", "The raw number that stands for the whole."),
+        (
+            "full_scale",
+            "none",
+            "The value is a fraction: from + raw / steps x (of - from). In place of `scale`.",
+        ),
+        (
+            "full_scale.steps",
+            "",
+            "The raw number that stands for the whole.",
+        ),
         (
             "full_scale.of",
             "",
@@ -90,16 +130,32 @@ pub(super) const REGISTERS: &[Section] = &[Section {
             "none",
             "Beside `of = \"configured\"`: the drive's own parameter that holds the whole, as a person looks for it.",
         ),
-        ("full_scale.from", "0", "The name of the register that holds the value of a raw 0."),
-        ("scale_by", "none", "The steps per unit depend on another register. In place of `scale`."),
+        (
+            "full_scale.from",
+            "0",
+            "The name of the register that holds the value of a raw 0.",
+        ),
+        (
+            "scale_by",
+            "none",
+            "The steps per unit depend on another register. In place of `scale`.",
+        ),
         ("scale_by.register", "", "The name of that register."),
         (
             "scale_by.steps",
             "",
             "Steps per unit by its word: `{ \"0\" = 1, \"1\" = 10 }`. With another word there is no value.",
         ),
-        ("scale_by.steps.NAME", "", "The steps per unit with this word, in decimal."),
-        ("plus", "none", "Further words that are added, as MWh to kWh."),
+        (
+            "scale_by.steps.NAME",
+            "",
+            "The steps per unit with this word, in decimal.",
+        ),
+        (
+            "plus",
+            "none",
+            "Further words that are added, as MWh to kWh.",
+        ),
         ("plus.address", "", "The address of the word."),
         ("plus.scale", "1", "Its steps, as `scale`."),
         ("plus.scale.steps", "", "Raw steps."),

@@ -40,7 +40,11 @@ impl Schema {
                 let _ = check::model(text);
             }
         });
-        let free: BTreeSet<_> = asked.iter().filter(|it| it.key == ANY).map(|it| it.table.clone()).collect();
+        let free: BTreeSet<_> = asked
+            .iter()
+            .filter(|it| it.key == ANY)
+            .map(|it| it.table.clone())
+            .collect();
         let mut schema = Self::default();
         for key in asked {
             schema.add(key, &free);
@@ -55,8 +59,15 @@ impl Schema {
             self.facts.insert(table);
             table = FACT.to_owned();
         }
-        let valid = Valid { form: asked.form, is_required: asked.is_required, right: asked.right };
-        let known = self.keys.entry(joined(&table, asked.key)).or_insert_with(|| valid.clone());
+        let valid = Valid {
+            form: asked.form,
+            is_required: asked.is_required,
+            right: asked.right,
+        };
+        let known = self
+            .keys
+            .entry(joined(&table, asked.key))
+            .or_insert_with(|| valid.clone());
         // It may be required in one form of its table only.
         known.is_required &= valid.is_required;
         known.form = known.form.max(valid.form);
@@ -80,7 +91,11 @@ impl Schema {
     /// The keys of a table.
     fn keys_of<'s>(&'s self, table: &'s str) -> impl Iterator<Item = &'s str> {
         let inner = |path: &'s String| path.rsplit_once('.').unwrap_or(("", path));
-        self.keys.keys().map(inner).filter(move |(of, _)| *of == table).map(|(_, key)| key)
+        self.keys
+            .keys()
+            .map(inner)
+            .filter(move |(of, _)| *of == table)
+            .map(|(_, key)| key)
     }
 
     /// Whether the table is a fact whose only content is under `value`, so that both are one key to a reader.
@@ -90,22 +105,38 @@ impl Schema {
 
     /// The keys that need a sentence.
     pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
-        let is_part = |path: &&str| path.strip_suffix(".value").is_some_and(|fact| self.is_one_value(fact));
-        self.keys.keys().map(String::as_str).filter(move |path| !is_part(path))
+        let is_part = |path: &&str| {
+            path.strip_suffix(".value")
+                .is_some_and(|fact| self.is_one_value(fact))
+        };
+        self.keys
+            .keys()
+            .map(String::as_str)
+            .filter(move |path| !is_part(path))
     }
 
     /// Tables that may be in a file and that were never read, so that their keys are not known.
     pub(super) fn unread_tables(&self) -> Vec<&str> {
-        let tables = self.keys.iter().filter(|(_, valid)| valid.form >= Form::Table);
-        tables.map(|(path, _)| path.as_str()).filter(|path| !self.tables.contains(*path)).collect()
+        let tables = self
+            .keys
+            .iter()
+            .filter(|(_, valid)| valid.form >= Form::Table);
+        tables
+            .map(|(path, _)| path.as_str())
+            .filter(|path| !self.tables.contains(*path))
+            .collect()
     }
 
     /// The words that are valid under each key that takes words.
     pub(super) fn words(&self) -> BTreeMap<&str, Vec<&str>> {
-        let takes_words = |valid: &Valid| valid.right.trim_start_matches("one of ").starts_with('"');
+        let takes_words =
+            |valid: &Valid| valid.right.trim_start_matches("one of ").starts_with('"');
         let all = self.keys.iter().filter(|(_, valid)| takes_words(valid));
         all.map(|(path, valid)| {
-            let path = path.strip_suffix(".value").filter(|fact| self.is_one_value(fact)).unwrap_or(path);
+            let path = path
+                .strip_suffix(".value")
+                .filter(|fact| self.is_one_value(fact))
+                .unwrap_or(path);
             (path, valid.right.split('"').skip(1).step_by(2).collect())
         })
         .collect()
@@ -113,8 +144,14 @@ impl Schema {
 
     /// What is valid at `path`; `words` in place of its words.
     pub(super) fn kind(&self, path: &str, words: Option<&str>) -> String {
-        let Some(valid) = self.keys.get(path) else { return String::new() };
-        let inner = if self.is_one_value(path) { self.keys.get(&joined(path, "value")) } else { None };
+        let Some(valid) = self.keys.get(path) else {
+            return String::new();
+        };
+        let inner = if self.is_one_value(path) {
+            self.keys.get(&joined(path, "value"))
+        } else {
+            None
+        };
         let plain = |valid: &Valid| {
             let right = words.unwrap_or(&valid.right);
             match valid.form {
@@ -136,7 +173,11 @@ impl Schema {
 }
 
 pub(super) fn joined(table: &str, key: &str) -> String {
-    if table.is_empty() { key.to_owned() } else { format!("{table}.{key}") }
+    if table.is_empty() {
+        key.to_owned()
+    } else {
+        format!("{table}.{key}")
+    }
 }
 
 /// `path` with [`ANY`] in place of names that the author of a file chose.

@@ -14,7 +14,11 @@ pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> Regi
     let mut reader = Reader::new(section, problems);
     let mut register = RegisterFile::read(&mut reader, None);
     register.origin = Some((Confidence::Configured, "configuration".to_owned()));
-    reader.refuse("role", "a register in the configuration has no role", "leave it out");
+    reader.refuse(
+        "role",
+        "a register in the configuration has no role",
+        "leave it out",
+    );
     reader.finish();
     register
 }
@@ -27,20 +31,34 @@ pub fn extra_register(section: Section<'_>, problems: &mut Vec<Problem>) -> Regi
 /// that register: then the model's does.
 pub fn with_extra(model: &Model, extra: &[RegisterFile], problems: &mut Vec<Problem>) -> Model {
     let (known, extra) = known_since(model, extra, problems);
-    let model = &Model { registers: known, ..model.clone() };
+    let model = &Model {
+        registers: known,
+        ..model.clone()
+    };
     let extra = &*extra;
     let before = problems.len();
     distinct(&model.registers, extra, problems);
     tables_fit(extra, problems);
     tables_are_served(&model.functions.value, extra, problems);
-    let alias_bit = model.quirks.stored_alias_bit.as_ref().map(|fact| fact.value);
-    addresses_fit(model.quirks.decimal_numbers.is_some(), alias_bit, extra, problems);
+    let alias_bit = model
+        .quirks
+        .stored_alias_bit
+        .as_ref()
+        .map(|fact| fact.value);
+    addresses_fit(
+        model.quirks.decimal_numbers.is_some(),
+        alias_bit,
+        extra,
+        problems,
+    );
     if let Some(rule) = &model.codes {
         codes_fit(rule, extra, problems);
     }
     let mut model = model.clone();
     if problems.len() == before {
-        model.registers.extend(extra.iter().filter_map(RegisterFile::register));
+        model
+            .registers
+            .extend(extra.iter().filter_map(RegisterFile::register));
         model.registers.sort_by_key(|register| register.address);
     }
     model
@@ -55,18 +73,38 @@ fn known_since<'x>(
     let mut known = model.registers.clone();
     let mut added = Cow::Borrowed(extra);
     for register in extra {
-        let Some(Spanned { value: address, location }) = &register.place() else { continue };
+        let Some(Spanned {
+            value: address,
+            location,
+        }) = &register.place()
+        else {
+            continue;
+        };
         let harmless = |own: &&Register| own.address == *address && is_harmless(model, own);
-        let Some(own) = model.registers.iter().find(harmless) else { continue };
-        let what = format!("{} now has its own register at {address}, `{}`", model.id, own.name);
+        let Some(own) = model.registers.iter().find(harmless) else {
+            continue;
+        };
+        let what = format!(
+            "{} now has its own register at {address}, `{}`",
+            model.id, own.name
+        );
         if own.role.is_some() {
             added.to_mut().retain(|it| it != register);
             let problem = location.problem(format!("has no effect: {what}"));
-            problems.push(problem.right(format!("leave it out and use the name `{}`", own.name)).warning());
+            problems.push(
+                problem
+                    .right(format!("leave it out and use the name `{}`", own.name))
+                    .warning(),
+            );
         } else {
             known.retain(|it| it.address != *address);
-            let problem = location.problem(format!("{what}; the description here takes precedence"));
-            problems.push(problem.right(format!("leave it out and use the name `{}`", own.name)).warning());
+            let problem =
+                location.problem(format!("{what}; the description here takes precedence"));
+            problems.push(
+                problem
+                    .right(format!("leave it out and use the name `{}`", own.name))
+                    .warning(),
+            );
         }
     }
     (known, added)
@@ -76,7 +114,10 @@ fn known_since<'x>(
 /// communication or the source of commands.
 fn is_harmless(model: &Model, own: &Register) -> bool {
     let is_status = model.status.iter().any(|flag| flag.address == own.address);
-    let is_setup = model.setup.iter().any(|item| item.address == Some(own.address));
+    let is_setup = model
+        .setup
+        .iter()
+        .any(|item| item.address == Some(own.address));
     own.back_door.is_none()
         && !own.is_link
         && !own.role.is_some_and(Role::is_guarded)
@@ -98,7 +139,10 @@ mod tests {
         let document = document(text, &mut problems).unwrap();
         let mut reader = Reader::new(document.section(), &mut problems);
         let sections = reader.tables("register");
-        let extra: Vec<_> = sections.into_iter().map(|section| extra_register(section, &mut problems)).collect();
+        let extra: Vec<_> = sections
+            .into_iter()
+            .map(|section| extra_register(section, &mut problems))
+            .collect();
         let model = with_extra(&check::model(model).unwrap(), &extra, &mut problems);
         (model, told(&problems, text))
     }
@@ -111,11 +155,21 @@ mod tests {
              access = 'read'\npoll = 'slow'\n",
         );
         assert_eq!(problems, "");
-        let addresses: Vec<_> = model.registers.iter().map(|register| register.address).collect();
+        let addresses: Vec<_> = model
+            .registers
+            .iter()
+            .map(|register| register.address)
+            .collect();
         assert_eq!(addresses, [0x0100, 0x0101]);
         let register = model.register_named("output_current").unwrap();
-        assert_eq!((register.scale, register.signed, register.access), (10, false, Access::Read));
-        assert_eq!((register.confidence, register.source.as_str()), (Confidence::Configured, "configuration"));
+        assert_eq!(
+            (register.scale, register.signed, register.access),
+            (10, false, Access::Read)
+        );
+        assert_eq!(
+            (register.confidence, register.source.as_str()),
+            (Confidence::Configured, "configuration")
+        );
         assert_eq!((register.role, register.code.as_deref()), (None, None));
     }
 
@@ -169,14 +223,20 @@ mod tests {
     fn registers_of_the_configuration_may_be_in_any_table_that_the_model_serves() {
         let coils = include_str!("../../../tests/golden/models/coils.toml");
         let register = |name: &str, table: &str, more: &str| {
-            format!("[[register]]\nname = '{name}'\ntitle = 'A'\naddress = 3\ntable = '{table}'\nunit = '-'\n{more}\n")
+            format!(
+                "[[register]]\nname = '{name}'\ntitle = 'A'\naddress = 3\ntable = '{table}'\nunit = '-'\n{more}\n"
+            )
         };
-        let text = register("a", "discrete", "access = 'read'") + &register("b", "input", "access = 'read'");
+        let text = register("a", "discrete", "access = 'read'")
+            + &register("b", "input", "access = 'read'");
         let (model, problems) = extended(coils, &text);
         assert_eq!(problems, "");
-        let places: Vec<_> = ["a", "b"].map(|name| model.register_named(name).unwrap().address.to_string()).to_vec();
+        let places: Vec<_> = ["a", "b"]
+            .map(|name| model.register_named(name).unwrap().address.to_string())
+            .to_vec();
         assert_eq!(places, ["discrete 0x0003", "input 0x0003"]);
-        let text = register("a", "coil", "access = 'read'") + &register("b", "input", "access = 'write'");
+        let text =
+            register("a", "coil", "access = 'read'") + &register("b", "input", "access = 'write'");
         let (_, problems) = extended(coils, &text);
         let expected = "\
 4:11 register[0].address: address coil 0x0003 is taken by `fault_reset` of the model
@@ -197,11 +257,20 @@ mod tests {
 
     #[test]
     fn only_a_model_says_what_its_words_mean() {
-        for key in ["memory = 'ram'", "range = [0, 1]", "values = { 0 = 'off' }", "back_door = 'x'"] {
-            let text =
-                format!("[[register]]\nname = 'a'\ntitle = 'A'\naddress = 5\nunit = '-'\naccess = 'read'\n{key}\n");
+        for key in [
+            "memory = 'ram'",
+            "range = [0, 1]",
+            "values = { 0 = 'off' }",
+            "back_door = 'x'",
+        ] {
+            let text = format!(
+                "[[register]]\nname = 'a'\ntitle = 'A'\naddress = 5\nunit = '-'\naccess = 'read'\n{key}\n"
+            );
             let (_, problems) = extended(MODEL, &text);
-            assert!(problems.starts_with("7:1 register[0].") && problems.contains(": unknown key `"), "{problems}");
+            assert!(
+                problems.starts_with("7:1 register[0].") && problems.contains(": unknown key `"),
+                "{problems}"
+            );
         }
     }
 }

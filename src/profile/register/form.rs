@@ -88,7 +88,11 @@ impl FormFile {
             exponent_mask: Given(reader.optional("exponent_mask", &field)),
             full_scale: Given(within(reader, "full_scale", full_scale)),
             scale_by: Given(within(reader, "scale_by", scale_by)),
-            plus: reader.tables("plus").into_iter().map(|section| part(reader.open(section))).collect(),
+            plus: reader
+                .tables("plus")
+                .into_iter()
+                .map(|section| part(reader.open(section)))
+                .collect(),
             direction: Given(reader.optional("direction", &Kind::one_of(&DIRECTIONS))),
         }
     }
@@ -110,13 +114,25 @@ impl FormFile {
         let scale_by = self.scale_by.0.clone().optional()?;
         let order = self.word_order.0.clone().optional()?;
         Some(Form {
-            pair: if self.words.0.or(1)? == 2 { Some(order?) } else { None },
+            pair: if self.words.0.or(1)? == 2 {
+                Some(order?)
+            } else {
+                None
+            },
             mask: self.mask.0.or(u16::MAX)?,
             exponent_mask: self.exponent_mask.0.or(0)?,
             per: scale.per,
-            full_scale: full_scale.map(|it| it.ready(all)).map_or(Some(None), |it| it.map(Some))?,
-            scale_by: scale_by.map(|it| it.ready(all)).map_or(Some(None), |it| it.map(Some))?,
-            plus: self.plus.iter().map(|part| part.ready(table)).collect::<Option<_>>()?,
+            full_scale: full_scale
+                .map(|it| it.ready(all))
+                .map_or(Some(None), |it| it.map(Some))?,
+            scale_by: scale_by
+                .map(|it| it.ready(all))
+                .map_or(Some(None), |it| it.map(Some))?,
+            plus: self
+                .plus
+                .iter()
+                .map(|part| part.ready(table))
+                .collect::<Option<_>>()?,
             sign_is_direction: self.direction.0.clone().optional()?.is_some(),
         })
     }
@@ -128,8 +144,14 @@ impl FullScaleFile {
         let from = self.from.clone().optional()?;
         Some(FullScale {
             steps: self.steps.as_ref()?.value,
-            of: if of == CONFIGURED { Whole::Configured } else { Whole::Register(basis(of, all)?) },
-            from: from.map(|name| basis(&name, all)).map_or(Some(None), |it| it.map(Some))?,
+            of: if of == CONFIGURED {
+                Whole::Configured
+            } else {
+                Whole::Register(basis(of, all)?)
+            },
+            from: from
+                .map(|name| basis(&name, all))
+                .map_or(Some(None), |it| it.map(Some))?,
             parameter: self.parameter.clone().optional()?,
         })
     }
@@ -138,7 +160,11 @@ impl FullScaleFile {
 impl ScaleByFile {
     fn ready(&self, all: &[RegisterFile]) -> Option<ScaleBy> {
         let Basis { address, mask, .. } = basis(&self.register.as_ref()?.value, all)?;
-        Some(ScaleBy { address, mask, steps: self.steps.clone()? })
+        Some(ScaleBy {
+            address,
+            mask,
+            steps: self.steps.clone()?,
+        })
     }
 }
 
@@ -146,7 +172,11 @@ impl PartFile {
     /// The word in the `table` of its register.
     fn ready(&self, table: Table) -> Option<Addend> {
         let scale = self.scale.or(Steps::ONE)?;
-        Some(Addend { address: Address::new(table, self.address.as_ref()?.value), scale: scale.steps, per: scale.per })
+        Some(Addend {
+            address: Address::new(table, self.address.as_ref()?.value),
+            scale: scale.steps,
+            per: scale.per,
+        })
     }
 }
 
@@ -168,27 +198,50 @@ pub(super) fn steps(reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalK
     match reader.value_or_table(key, &Kind::number(1..=MAX_SCALE)) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value: Entry::Value(steps), location }) => {
-            OptionalKey::Valid(Spanned { value: Steps { steps: steps.value, per: 1 }, location })
-        }
-        OptionalKey::Valid(Spanned { value: Entry::Table(section), location }) => {
+        OptionalKey::Valid(Spanned {
+            value: Entry::Value(steps),
+            location,
+        }) => OptionalKey::Valid(Spanned {
+            value: Steps {
+                steps: steps.value,
+                per: 1,
+            },
+            location,
+        }),
+        OptionalKey::Valid(Spanned {
+            value: Entry::Table(section),
+            location,
+        }) => {
             let mut inner = reader.open(section);
             let steps = inner.required("steps", &Kind::number(1..=MAX_SCALE));
             let per = inner.required("per", &Kind::number(1..=MAX_SCALE));
             inner.finish();
-            let (Some(steps), Some(per)) = (steps, per) else { return OptionalKey::Invalid };
-            OptionalKey::Valid(Spanned { value: Steps { steps: steps.value, per: per.value }, location })
+            let (Some(steps), Some(per)) = (steps, per) else {
+                return OptionalKey::Invalid;
+            };
+            OptionalKey::Valid(Spanned {
+                value: Steps {
+                    steps: steps.value,
+                    per: per.value,
+                },
+                location,
+            })
         }
     }
 }
 
-fn within<T>(reader: &mut Reader<'_, '_>, key: &'static str, read: fn(Reader<'_, '_>) -> T) -> OptionalKey<T> {
+fn within<T>(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    read: fn(Reader<'_, '_>) -> T,
+) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
-        OptionalKey::Valid(Spanned { value, location }) => {
-            OptionalKey::Valid(Spanned { value: read(reader.open(value)), location })
-        }
+        OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
+            value: read(reader.open(value)),
+            location,
+        }),
     }
 }
 
@@ -205,24 +258,41 @@ fn full_scale(mut reader: Reader<'_, '_>) -> FullScaleFile {
 
 fn scale_by(mut reader: Reader<'_, '_>) -> ScaleByFile {
     let register = reader.required("register", &Kind::text());
-    let steps = reader.required_table("steps").and_then(|section| words_and_steps(&mut reader, section));
+    let steps = reader
+        .required_table("steps")
+        .and_then(|section| words_and_steps(&mut reader, section));
     reader.finish();
     ScaleByFile { register, steps }
 }
 
 /// The table `steps`: raw steps per unit by the word of the other register.
-fn words_and_steps<'a>(reader: &mut Reader<'a, '_>, section: Section<'a>) -> Option<Vec<(u16, u32)>> {
+fn words_and_steps<'a>(
+    reader: &mut Reader<'a, '_>,
+    section: Section<'a>,
+) -> Option<Vec<(u16, u32)>> {
     let location: Location = section.location.clone();
     let entries = reader.open(section).all(&Kind::number(1..=MAX_SCALE));
     if entries.is_empty() {
-        reader.problems().push(location.problem("is empty").right("the steps per unit of at least one word"));
+        reader.problems().push(
+            location
+                .problem("is empty")
+                .right("the steps per unit of at least one word"),
+        );
         return None;
     }
     let mut steps = Vec::new();
     for (key, value) in entries {
-        let Some(word) = key.parse::<u16>().ok().filter(|word| word.to_string() == key) else {
-            let problem = value.location.problem(format!("`{key}` is not a register word"));
-            reader.problems().push(problem.right("a decimal number from \"0\" to \"65535\""));
+        let Some(word) = key
+            .parse::<u16>()
+            .ok()
+            .filter(|word| word.to_string() == key)
+        else {
+            let problem = value
+                .location
+                .problem(format!("`{key}` is not a register word"));
+            reader
+                .problems()
+                .push(problem.right("a decimal number from \"0\" to \"65535\""));
             return None;
         };
         steps.push((word, value.value));

@@ -64,7 +64,10 @@ impl RegisterFile {
     pub(in crate::profile) fn place(&self) -> Option<Spanned<Address>> {
         let Spanned { value, location } = self.address.as_ref()?;
         let address = Address::new(self.table.or(Table::Holding)?, *value);
-        Some(Spanned { value: address, location: location.clone() })
+        Some(Spanned {
+            value: address,
+            location: location.clone(),
+        })
     }
 
     /// Its table, if that is usable.
@@ -126,7 +129,10 @@ impl RegisterFile {
 
     /// The keys common to all registers; `rule` gives the address of a register that states only its code.
     fn read(reader: &mut Reader<'_, '_>, rule: Option<&CodeRule>) -> Self {
-        let name = reader.required("name", &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name));
+        let name = reader.required(
+            "name",
+            &Kind::parsed("snake_case: a to z, 0 to 9 and `_`, a letter first", name),
+        );
         let title = reader.required("title", &Kind::text());
         let code = reader.optional("code", &Kind::text());
         let register = Self {
@@ -153,9 +159,14 @@ impl RegisterFile {
             origin: None,
             not_stated: OptionalKey::Absent,
         };
-        let unreadable = register.access.as_ref().is_some_and(|access| !access.value.can_read());
+        let unreadable = register
+            .access
+            .as_ref()
+            .is_some_and(|access| !access.value.can_read());
         if let Some(poll) = register.poll.valid().filter(|_| unreadable) {
-            let problem = poll.location.problem("polling requires a readable register");
+            let problem = poll
+                .location
+                .problem("polling requires a readable register");
             reader.problems().push(
                 problem.right("leave it out, or \"read\" or \"read-write\" if the documents say that it can be read"),
             );
@@ -164,7 +175,11 @@ impl RegisterFile {
     }
 
     /// One `[[register]]` of a model file whose confidence and source have already been read.
-    pub(super) fn of_model(mut reader: Reader<'_, '_>, origin: Option<Origin>, rule: Option<&CodeRule>) -> Self {
+    pub(super) fn of_model(
+        mut reader: Reader<'_, '_>,
+        origin: Option<Origin>,
+        rule: Option<&CodeRule>,
+    ) -> Self {
         let mut register = Self::read(&mut reader, rule);
         register.role = reader.optional("role", &Kind::one_of(&ROLES));
         register.form = FormFile::read(&mut reader);
@@ -174,7 +189,10 @@ impl RegisterFile {
         register.meanings = meanings(&mut reader, "values");
         register.back_door = reader.optional("back_door", &Kind::text());
         register.is_link = reader.optional("link", &Kind::flag());
-        register.deaf_after = reader.optional("deaf_after", &Kind::duration(Duration::from_millis(1)..=DEAF_MAX));
+        register.deaf_after = reader.optional(
+            "deaf_after",
+            &Kind::duration(Duration::from_millis(1)..=DEAF_MAX),
+        );
         register.no_reply = reader.optional("no_reply", &Kind::flag());
         register.not_stated = reader.list("not_stated", &Kind::one_of(&PARTS));
         register.origin = origin;
@@ -185,7 +203,11 @@ impl RegisterFile {
 
 impl RegisterFile {
     /// The range `key` in the register's unit, as numbers before scaling.
-    fn read_range(&self, reader: &mut Reader<'_, '_>, key: &'static str) -> OptionalKey<RangeInclusive<i32>> {
+    fn read_range(
+        &self,
+        reader: &mut Reader<'_, '_>,
+        key: &'static str,
+    ) -> OptionalKey<RangeInclusive<i32>> {
         // No register exceeds this range, whatever its scale.
         let ends = Kind::decimal(f64::from(i16::MIN)..=f64::from(u16::MAX));
         let (list, location) = match reader.list(key, &ends) {
@@ -198,7 +220,11 @@ impl RegisterFile {
                 1 => "has 1 number".to_owned(),
                 many => format!("has {many} numbers"),
             };
-            reader.problems().push(location.problem(what).right("two: the least and the greatest value"));
+            reader.problems().push(
+                location
+                    .problem(what)
+                    .right("two: the least and the greatest value"),
+            );
             return OptionalKey::Invalid;
         };
         let (Some(scale), Some(signed)) = (self.scale.or(Steps::ONE), self.signed.or(false)) else {
@@ -206,31 +232,52 @@ impl RegisterFile {
         };
         let mut raw = |end: &Spanned<f64>| {
             let problem = |wrong| end.location.problem(format!("{} is {wrong}", end.value));
-            let report = |wrong| reader.problems().push(problem(wrong).right("a value that the register can hold"));
+            let report = |wrong| {
+                reader
+                    .problems()
+                    .push(problem(wrong).right("a value that the register can hold"))
+            };
             steps(end.value, scale.steps, signed).map_err(report).ok()
         };
-        let (Some(low), Some(high)) = (raw(least), raw(most)) else { return OptionalKey::Invalid };
+        let (Some(low), Some(high)) = (raw(least), raw(most)) else {
+            return OptionalKey::Invalid;
+        };
         if low > high {
             let problem = location.problem(format!("{} is above {}", least.value, most.value));
-            reader.problems().push(problem.right("the least value first"));
+            reader
+                .problems()
+                .push(problem.right("the least value first"));
             return OptionalKey::Invalid;
         }
-        OptionalKey::Valid(Spanned { value: low..=high, location })
+        OptionalKey::Valid(Spanned {
+            value: low..=high,
+            location,
+        })
     }
 }
 
 /// `address`, or the address of `code`.
-fn read_address(reader: &mut Reader<'_, '_>, code: &OptionalKey<String>, rule: Option<&CodeRule>) -> RequiredKey<u16> {
+fn read_address(
+    reader: &mut Reader<'_, '_>,
+    code: &OptionalKey<String>,
+    rule: Option<&CodeRule>,
+) -> RequiredKey<u16> {
     let kind = Kind::address();
     match (reader.optional("address", &kind), code.valid()) {
         (OptionalKey::Valid(address), _) => Some(address),
         (OptionalKey::Invalid, _) => None,
         (OptionalKey::Absent, code) => {
             let by_code = |code: &Spanned<String>| {
-                Some(Spanned { value: rule?.address(&code.value)?, location: code.location.clone() })
+                Some(Spanned {
+                    value: rule?.address(&code.value)?,
+                    location: code.location.clone(),
+                })
             };
             code.and_then(by_code).or_else(|| {
-                let problem = reader.location().missing("address").problem("`address` is missing");
+                let problem = reader
+                    .location()
+                    .missing("address")
+                    .problem("`address` is missing");
                 reader.problems().push(problem.right(kind.right()));
                 None
             })
@@ -240,25 +287,47 @@ fn read_address(reader: &mut Reader<'_, '_>, code: &OptionalKey<String>, rule: O
 
 /// The table `values`: the meanings of a register's words, in order of the words.
 pub(super) fn meanings(reader: &mut Reader<'_, '_>, key: &'static str) -> Vec<(u16, String)> {
-    let OptionalKey::Valid(Spanned { value: section, location }) = reader.table(key) else { return Vec::new() };
+    let OptionalKey::Valid(Spanned {
+        value: section,
+        location,
+    }) = reader.table(key)
+    else {
+        return Vec::new();
+    };
     let inner = reader.open(section);
     let is_empty = inner.is_empty();
     let all = inner.all(&Kind::text());
     if is_empty {
-        reader.problems().push(location.problem("is empty").right("the meaning of at least one word, or leave it out"));
+        reader.problems().push(
+            location
+                .problem("is empty")
+                .right("the meaning of at least one word, or leave it out"),
+        );
     }
-    words_of(all, reader.problems()).into_iter().map(|(word, text)| (word, text.value)).collect()
+    words_of(all, reader.problems())
+        .into_iter()
+        .map(|(word, text)| (word, text.value))
+        .collect()
 }
 
 /// The entries of a table whose keys are words in decimal, in their order. Other keys are reported and omitted.
-pub(super) fn words_of<T>(entries: Vec<(String, Spanned<T>)>, problems: &mut Vec<Problem>) -> Vec<(u16, Spanned<T>)> {
+pub(super) fn words_of<T>(
+    entries: Vec<(String, Spanned<T>)>,
+    problems: &mut Vec<Problem>,
+) -> Vec<(u16, Spanned<T>)> {
     let mut words = Vec::new();
     for (key, value) in entries {
         // A leading zero or sign would allow the same word twice.
-        match key.parse::<u16>().ok().filter(|word| word.to_string() == key) {
+        match key
+            .parse::<u16>()
+            .ok()
+            .filter(|word| word.to_string() == key)
+        {
             Some(word) => words.push((word, value)),
             None => {
-                let problem = value.location.problem(format!("`{key}` is not a register word"));
+                let problem = value
+                    .location
+                    .problem(format!("`{key}` is not a register word"));
                 problems.push(problem.right("a decimal number from \"0\" to \"65535\""));
             }
         }
@@ -274,13 +343,17 @@ pub(super) fn address_of(name: &str, registers: &[RegisterFile]) -> Option<Addre
 
 /// The register called `name`.
 pub(super) fn named<'f>(name: &str, registers: &'f [RegisterFile]) -> Option<&'f RegisterFile> {
-    registers.iter().find(|register| register.name.as_ref().is_some_and(|it| it.value == name))
+    registers
+        .iter()
+        .find(|register| register.name.as_ref().is_some_and(|it| it.value == name))
 }
 
 fn name(text: &str) -> Option<String> {
     let fits = text.starts_with(|c: char| c.is_ascii_lowercase())
         && text.len() <= 64
-        && text.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_');
+        && text
+            .bytes()
+            .all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_');
     fits.then(|| text.to_owned())
 }
 
@@ -296,10 +369,20 @@ mod tests {
         let register = |name: &str| model.register_named(name).unwrap();
         assert_eq!(register("loss_time").range, Some(0..=255));
         assert_eq!(register("torque_command").range, Some(-3000..=3000));
-        assert_eq!((register("status").range.clone(), register("status").memory), (None, None));
+        assert_eq!(
+            (register("status").range.clone(), register("status").memory),
+            (None, None)
+        );
         assert_eq!(register("run_source").memory, Some(Memory::Stored));
-        let words: Vec<_> = register("run_source").meanings.iter().map(|(word, _)| *word).collect();
-        assert_eq!((words, register("run_source").meaning(10)), (vec![0, 1, 2, 10], Some("bus and keypad")));
+        let words: Vec<_> = register("run_source")
+            .meanings
+            .iter()
+            .map(|(word, _)| *word)
+            .collect();
+        assert_eq!(
+            (words, register("run_source").meaning(10)),
+            (vec![0, 1, 2, 10], Some("bus and keypad"))
+        );
     }
 
     #[test]
@@ -318,8 +401,16 @@ mod tests {
                 "register[11].range[0]: -1 is outside 0.0 to 6553.5 -> a value that the register can hold\n\
                  register[11].range[1]: 6554 is outside 0.0 to 6553.5 -> a value that the register can hold",
             ),
-            (range, "range = [1, 0.5]", "register[11].range: 1 is above 0.5 -> the least value first"),
-            (range, "range = [1]", "register[11].range: has 1 number -> two: the least and the greatest value"),
+            (
+                range,
+                "range = [1, 0.5]",
+                "register[11].range: 1 is above 0.5 -> the least value first",
+            ),
+            (
+                range,
+                "range = [1]",
+                "register[11].range: has 1 number -> two: the least and the greatest value",
+            ),
             (
                 range,
                 "range = [0, 65536]",
@@ -334,7 +425,11 @@ mod tests {
         let no_word = "is not a register word -> a decimal number from \"0\" to \"65535\"";
         for wrong in ["01", "+1", "0x1", "65536", "one"] {
             let expected = format!("register[12].values.{wrong}: `{wrong}` {no_word}");
-            each_is_told(&[(values, &format!("values = {{ \"{wrong}\" = \"coast\" }}"), &expected)]);
+            each_is_told(&[(
+                values,
+                &format!("values = {{ \"{wrong}\" = \"coast\" }}"),
+                &expected,
+            )]);
         }
         each_is_told(&[
             (
@@ -347,7 +442,11 @@ mod tests {
                 "values = { \"0\" = 1 }",
                 "register[12].values.0: must be text, not a whole number -> text, not empty",
             ),
-            (values, "values = [\"coast\"]", "register[12].values: must be a table, not a list -> a table: `{ ... }`"),
+            (
+                values,
+                "values = [\"coast\"]",
+                "register[12].values: must be a table, not a list -> a table: `{ ... }`",
+            ),
         ]);
     }
 }

@@ -9,14 +9,35 @@ use std::collections::BTreeMap;
 
 /// Reports each register of `written` whose name, code, address or role is already used by an earlier one or by
 /// `model`. Names and codes share one namespace and ignore case, as in [`Model::register_named`].
-pub(in crate::profile) fn distinct(model: &[Register], written: &[RegisterFile], problems: &mut Vec<Problem>) {
-    let mut taken = UsedNames { is_extended: !model.is_empty(), ..UsedNames::default() };
+pub(in crate::profile) fn distinct(
+    model: &[Register],
+    written: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
+    let mut taken = UsedNames {
+        is_extended: !model.is_empty(),
+        ..UsedNames::default()
+    };
     for register in model {
         let owner = format!("`{}` of the model", register.name);
-        taken.labels.insert(register.name.to_lowercase(), owner.clone());
-        taken.labels.extend(register.code.as_ref().map(|code| (code.to_lowercase(), owner.clone())));
-        let place = Occupied { owner, access: register.access, bits: register.form.mask | register.form.exponent_mask };
-        let words = register.address.onwards().take(register.form.words().into());
+        taken
+            .labels
+            .insert(register.name.to_lowercase(), owner.clone());
+        taken.labels.extend(
+            register
+                .code
+                .as_ref()
+                .map(|code| (code.to_lowercase(), owner.clone())),
+        );
+        let place = Occupied {
+            owner,
+            access: register.access,
+            bits: register.form.mask | register.form.exponent_mask,
+        };
+        let words = register
+            .address
+            .onwards()
+            .take(register.form.words().into());
         words.for_each(|it| taken.addresses.entry(it).or_default().push(place.clone()));
     }
     for register in written {
@@ -38,20 +59,45 @@ impl UsedNames {
     fn add(&mut self, register: &RegisterFile, problems: &mut Vec<Problem>) {
         if let Some(name) = &register.name {
             let called = format!("the name `{}`", name.value);
-            claim(&mut self.labels, name.value.to_lowercase(), &called, &name.location, problems);
+            claim(
+                &mut self.labels,
+                name.value.to_lowercase(),
+                &called,
+                &name.location,
+                problems,
+            );
         }
         if let Some(code) = register.code.valid() {
             let called = format!("the code `{}`", code.value);
-            let is_own = register.name.as_ref().is_some_and(|name| name.value.eq_ignore_ascii_case(&code.value));
+            let is_own = register
+                .name
+                .as_ref()
+                .is_some_and(|name| name.value.eq_ignore_ascii_case(&code.value));
             if !is_own {
-                claim(&mut self.labels, code.value.to_lowercase(), &called, &code.location, problems);
+                claim(
+                    &mut self.labels,
+                    code.value.to_lowercase(),
+                    &called,
+                    &code.location,
+                    problems,
+                );
             }
         }
         if let Some(address) = register.place() {
             self.claim_words(register, &address, problems);
         }
-        if let Some(role) = register.role.valid().filter(|role| !role.value.is_repeated()) {
-            claim(&mut self.roles, role.value, "this role", &role.location, problems);
+        if let Some(role) = register
+            .role
+            .valid()
+            .filter(|role| !role.value.is_repeated())
+        {
+            claim(
+                &mut self.roles,
+                role.value,
+                "this role",
+                &role.location,
+                problems,
+            );
         }
     }
 }
@@ -79,14 +125,33 @@ impl Occupied {
 
 impl UsedNames {
     /// Claims the addresses of the words of `register`.
-    fn claim_words(&mut self, register: &RegisterFile, address: &Spanned<Address>, problems: &mut Vec<Problem>) {
-        let access = register.access.as_ref().map_or(Access::ReadWrite, |access| access.value);
-        let bits = if register.form.is_pair() { u16::MAX } else { register.form.bits() };
-        let place = Occupied { owner: address.location.key.clone(), access, bits };
+    fn claim_words(
+        &mut self,
+        register: &RegisterFile,
+        address: &Spanned<Address>,
+        problems: &mut Vec<Problem>,
+    ) {
+        let access = register
+            .access
+            .as_ref()
+            .map_or(Access::ReadWrite, |access| access.value);
+        let bits = if register.form.is_pair() {
+            u16::MAX
+        } else {
+            register.form.bits()
+        };
+        let place = Occupied {
+            owner: address.location.key.clone(),
+            access,
+            bits,
+        };
         let words = if register.form.is_pair() { 2 } else { 1 };
         for word in address.value.onwards().take(words) {
             let places = self.addresses.entry(word).or_default();
-            if let Some(other) = places.iter().find(|other| self.is_extended || !other.may_share(&place)) {
+            if let Some(other) = places
+                .iter()
+                .find(|other| self.is_extended || !other.may_share(&place))
+            {
                 let what = format!("address {word} is taken by {}", other.owner);
                 let right = "one that no other register of the model uses";
                 problems.push(address.location.problem(what).right(right));
@@ -122,13 +187,27 @@ pub(in crate::profile) fn addresses_fit(
     written: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
-    for address in written.iter().filter_map(|register| register.address.as_ref()) {
+    for address in written
+        .iter()
+        .filter_map(|register| register.address.as_ref())
+    {
         if in_decimal && !has_decimal_digits(address.value) {
-            let what = format!("0x{:04X} is not an address: this drive uses decimal digits", address.value);
-            problems.push(address.location.problem(what).right("0 to 9 in each of the last two places"));
+            let what = format!(
+                "0x{:04X} is not an address: this drive uses decimal digits",
+                address.value
+            );
+            problems.push(
+                address
+                    .location
+                    .problem(what)
+                    .right("0 to 9 in each of the last two places"),
+            );
         }
         if let Some(bit) = alias_bit.filter(|bit| address.value >> bit & 1 == 1) {
-            let what = format!("0x{:04X} is the stored twin of another register: it has bit {bit}", address.value);
+            let what = format!(
+                "0x{:04X} is the stored twin of another register: it has bit {bit}",
+                address.value
+            );
             let right = format!("0x{:04X}, the register itself", address.value & !(1 << bit));
             problems.push(address.location.problem(what).right(right));
         }
@@ -141,12 +220,28 @@ pub(in crate::profile) fn has_decimal_digits(address: u16) -> bool {
 }
 
 /// Reports each register of `written` whose code maps to another address by `rule`.
-pub(in crate::profile) fn codes_fit(rule: &CodeRule, written: &[RegisterFile], problems: &mut Vec<Problem>) {
+pub(in crate::profile) fn codes_fit(
+    rule: &CodeRule,
+    written: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     for register in written {
-        let (Some(code), Some(address)) = (register.code.valid(), &register.address) else { continue };
-        if let Some(by_rule) = rule.address(&code.value).filter(|by_rule| *by_rule != address.value) {
-            let what = format!("`{}` is 0x{by_rule:04X} by `codes`, not 0x{:04X}", code.value, address.value);
-            problems.push(code.location.problem(what).right("the code that belongs to the address, or leave it out"));
+        let (Some(code), Some(address)) = (register.code.valid(), &register.address) else {
+            continue;
+        };
+        if let Some(by_rule) = rule
+            .address(&code.value)
+            .filter(|by_rule| *by_rule != address.value)
+        {
+            let what = format!(
+                "`{}` is 0x{by_rule:04X} by `codes`, not 0x{:04X}",
+                code.value, address.value
+            );
+            problems.push(
+                code.location
+                    .problem(what)
+                    .right("the code that belongs to the address, or leave it out"),
+            );
         }
     }
 }

@@ -39,10 +39,17 @@ pub(in crate::profile) const fn written_by(table: Table) -> [u8; 2] {
 /// or 1.
 pub(in crate::profile) fn tables_fit(written: &[RegisterFile], problems: &mut Vec<Problem>) {
     for register in written {
-        let Some(table) = register.in_table() else { continue };
-        let access = register.access.as_ref().filter(|access| access.value.can_write() && !table.is_writable());
+        let Some(table) = register.in_table() else {
+            continue;
+        };
+        let access = register
+            .access
+            .as_ref()
+            .filter(|access| access.value.can_write() && !table.is_writable());
         if let Some(access) = access {
-            let problem = access.location.problem(format!("{} cannot be written", called(table)));
+            let problem = access
+                .location
+                .problem(format!("{} cannot be written", called(table)));
             problems.push(problem.right("\"read\", or another `table`"));
         }
         if table.is_of_bits() {
@@ -65,7 +72,10 @@ fn bit_is_plain(register: &RegisterFile, table: Table, problems: &mut Vec<Proble
         form.full_scale.valid().map(|it| &it.location),
         form.scale_by.valid().map(|it| &it.location),
         form.direction.valid().map(|it| &it.location),
-        form.plus.first().and_then(|part| part.address.as_ref()).map(|it| &it.location),
+        form.plus
+            .first()
+            .and_then(|part| part.address.as_ref())
+            .map(|it| &it.location),
     ];
     for location in keys.into_iter().flatten() {
         problems.push(location.problem(what.clone()).right("leave it out"));
@@ -73,30 +83,61 @@ fn bit_is_plain(register: &RegisterFile, table: Table, problems: &mut Vec<Proble
     if let Some(word) = register.meaning_words().find(|word| *word > 1)
         && let Some(address) = &register.address
     {
-        let problem = address.location.problem(format!("{what}, and {word} has a meaning"));
+        let problem = address
+            .location
+            .problem(format!("{what}, and {word} has a meaning"));
         problems.push(problem.right("`values` of \"0\" and \"1\" only"));
     }
-    let OptionalKey::Valid(role) = &register.role else { return };
-    if !matches!(role.value, Role::RunCommand | Role::Order | Role::RunSource | Role::FrequencySource) {
-        let problem = role.location.problem(format!("{what}, and this role needs a number"));
+    let OptionalKey::Valid(role) = &register.role else {
+        return;
+    };
+    if !matches!(
+        role.value,
+        Role::RunCommand | Role::Order | Role::RunSource | Role::FrequencySource
+    ) {
+        let problem = role
+            .location
+            .problem(format!("{what}, and this role needs a number"));
         problems.push(problem.right("leave it out; a state of the drive is a `[[status]]` flag"));
     }
 }
 
 /// Reports each register of `written` that a drive with these `functions` cannot read or write.
-pub(super) fn tables_are_served(functions: &[u8], written: &[RegisterFile], problems: &mut Vec<Problem>) {
+pub(super) fn tables_are_served(
+    functions: &[u8],
+    written: &[RegisterFile],
+    problems: &mut Vec<Problem>,
+) {
     for register in written {
-        let (Some(table), Some(access)) = (register.in_table(), &register.access) else { continue };
+        let (Some(table), Some(access)) = (register.in_table(), &register.access) else {
+            continue;
+        };
         let location = register.table.valid().map(|table| &table.location);
-        let Some(location) = location.or(register.address.as_ref().map(|address| &address.location)) else { continue };
+        let Some(location) =
+            location.or(register.address.as_ref().map(|address| &address.location))
+        else {
+            continue;
+        };
         let reads = access.value.can_read().then(|| vec![read_by(table)]);
         let writes = access.value.can_write().then(|| written_by(table).to_vec());
         let missing = [reads, writes].into_iter().flatten();
-        for needed in missing.filter(|needed| !needed.iter().any(|function| functions.contains(function))) {
-            let names: Vec<_> = needed.iter().map(|function| format!("{function:02X}")).collect();
-            let what =
-                format!("{} needs function {} hex, which the model does not serve", called(table), names.join(" or "));
-            problems.push(location.problem(what).right("a `table` or an `access` that the drive serves"));
+        for needed in
+            missing.filter(|needed| !needed.iter().any(|function| functions.contains(function)))
+        {
+            let names: Vec<_> = needed
+                .iter()
+                .map(|function| format!("{function:02X}"))
+                .collect();
+            let what = format!(
+                "{} needs function {} hex, which the model does not serve",
+                called(table),
+                names.join(" or ")
+            );
+            problems.push(
+                location
+                    .problem(what)
+                    .right("a `table` or an `access` that the drive serves"),
+            );
         }
     }
 }

@@ -8,7 +8,12 @@ pub(super) type Row = Vec<String>;
 
 /// A line for a fact: name, value, confidence, source.
 pub(super) fn row<T>(name: &str, value: impl Display, fact: &Fact<T>) -> Row {
-    vec![name.to_owned(), value.to_string(), fact.confidence.word().to_owned(), fact.source.clone()]
+    vec![
+        name.to_owned(),
+        value.to_string(),
+        fact.confidence.word().to_owned(),
+        fact.source.clone(),
+    ]
 }
 
 /// `items`, separated by commas.
@@ -22,7 +27,11 @@ pub(super) fn choice<T: Display>(items: impl IntoIterator<Item = T>) -> String {
 }
 
 fn joined<T: Display>(items: impl IntoIterator<Item = T>, between: &str) -> String {
-    items.into_iter().map(|item| item.to_string()).collect::<Vec<_>>().join(between)
+    items
+        .into_iter()
+        .map(|item| item.to_string())
+        .collect::<Vec<_>>()
+        .join(between)
 }
 
 /// Appends a heading and `rows`, each column as wide as its widest cell. Without rows, appends nothing.
@@ -31,11 +40,20 @@ pub(super) fn section(text: &mut String, heading: &str, rows: Vec<Row>) {
         return;
     }
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| rows.iter().map(|row| row.get(column).map_or(0, |cell| cell.chars().count())).max();
-    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row.get(column).map_or(0, |cell| cell.chars().count()))
+            .max()
+    };
+    let widths: Vec<usize> = (0..columns)
+        .map(|column| width(column).unwrap_or(0))
+        .collect();
     text.push_str(&format!("\n{heading}\n"));
     for row in &rows {
-        let cells = row.iter().zip(&widths).map(|(cell, width)| format!("  {cell:width$}"));
+        let cells = row
+            .iter()
+            .zip(&widths)
+            .map(|(cell, width)| format!("  {cell:width$}"));
         text.push_str(cells.collect::<String>().trim_end());
         text.push('\n');
     }

@@ -20,7 +20,10 @@ impl SimDrive {
             return false;
         }
         if let Some(code) = self.objects_with() {
-            out.extend([pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT, code]);
+            out.extend([
+                pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT,
+                code,
+            ]);
             return true;
         }
         let done = self.serve(at, pdu, exchange, out);
@@ -37,25 +40,28 @@ impl SimDrive {
         }
         if let Some(objection) = objection {
             let code = objection.code(&self.model);
-            out.extend([pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT, code]);
+            out.extend([
+                pdu.first().copied().unwrap_or_default() | function::EXCEPTION_BIT,
+                code,
+            ]);
         }
         true
     }
 
     fn takes_in_silence(&self, pdu: &[u8]) -> bool {
-        let mut written = Request::decode(pdu).into_iter().flat_map(|request| request.written().collect::<Vec<_>>());
+        let mut written = Request::decode(pdu)
+            .into_iter()
+            .flat_map(|request| request.written().collect::<Vec<_>>());
         written.any(|address| self.model.silent_writes().any(|silent| silent == address))
     }
 
     /// Executes a broadcast `pdu` without a reply, if the model supports broadcasts of this function.
     pub fn obey(&mut self, at: MonoTime, pdu: &[u8]) {
         self.advance(at);
-        let known = self
-            .model
-            .link
-            .broadcast
-            .as_ref()
-            .is_some_and(|broadcast| pdu.first().is_some_and(|function| broadcast.functions.contains(function)));
+        let known = self.model.link.broadcast.as_ref().is_some_and(|broadcast| {
+            pdu.first()
+                .is_some_and(|function| broadcast.functions.contains(function))
+        });
         if !self.hears(at) || !known {
             return;
         }
@@ -69,7 +75,11 @@ impl SimDrive {
     fn objects_with(&mut self) -> Option<u8> {
         let (kind, times) = self.objects.take()?;
         self.objects = Some((kind, times.checked_sub(1)?)).filter(|(_, left)| *left > 0);
-        self.model.exception_kinds.iter().find(|(_, of)| *of == kind).map(|(code, _)| *code)
+        self.model
+            .exception_kinds
+            .iter()
+            .find(|(_, of)| *of == kind)
+            .map(|(code, _)| *code)
     }
 
     fn hears(&self, at: MonoTime) -> bool {
@@ -90,7 +100,13 @@ impl SimDrive {
         }
     }
 
-    fn serve(&mut self, at: MonoTime, pdu: &[u8], exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
+    fn serve(
+        &mut self,
+        at: MonoTime,
+        pdu: &[u8],
+        exchange: u64,
+        out: &mut Vec<u8>,
+    ) -> Result<(), Denied> {
         let function = pdu.first().copied().unwrap_or_default();
         if !self.model.serves(function) {
             return Err(Denied::Request(Objection::Function));
@@ -113,14 +129,24 @@ impl SimDrive {
             }
             // Other functions of a model, and other loop tests, are not simulated.
             Some(Request::Unserved { .. }) | None => Err(Denied::Request(match function {
-                function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => Objection::Quantity,
+                function::READ_HOLDING | function::WRITE_SINGLE | function::WRITE_MULTIPLE => {
+                    Objection::Quantity
+                }
                 _ => Objection::Function,
             })),
         }
     }
 
-    fn read(&self, at: MonoTime, first: Address, count: u16, exchange: u64, out: &mut Vec<u8>) -> Result<(), Denied> {
-        if count == 0 || count > self.model.words_in_one_read(first) || count > pdu::MAX_READ_WORDS {
+    fn read(
+        &self,
+        at: MonoTime,
+        first: Address,
+        count: u16,
+        exchange: u64,
+        out: &mut Vec<u8>,
+    ) -> Result<(), Denied> {
+        if count == 0 || count > self.model.words_in_one_read(first) || count > pdu::MAX_READ_WORDS
+        {
             return Err(Denied::Request(Objection::Quantity));
         }
         let is_decimal = self.model.quirks.decimal_numbers.is_some();
@@ -129,7 +155,9 @@ impl SimDrive {
         let mut next = Some(first);
         for word in words.iter_mut() {
             let readable = next.and_then(|address| match self.untrue.at(address) {
-                Shows::Truth => self.readable(at, address, exchange).or_else(|| self.hole(address)),
+                Shows::Truth => self
+                    .readable(at, address, exchange)
+                    .or_else(|| self.hole(address)),
                 Shows::Word(word) => Some(word),
                 Shows::Nothing => None,
             });
@@ -155,7 +183,12 @@ impl SimDrive {
 
     /// The word at `address` as a read shows it; nothing if reading is not documented there.
     fn readable(&self, at: MonoTime, address: Address, exchange: u64) -> Option<u16> {
-        if self.options.proof_words.as_ref().is_some_and(|range| range.contains(&address.number())) {
+        if self
+            .options
+            .proof_words
+            .as_ref()
+            .is_some_and(|range| range.contains(&address.number()))
+        {
             return Some((exchange & 0xFFFF) as u16);
         }
         if let Some(word) = self.shared_word(at, address) {
@@ -164,14 +197,23 @@ impl SimDrive {
         match index_of(&self.model, address) {
             Some(index) if !self.model.registers[index].access.can_read() => None,
             Some(index) => Some(self.held(at, index)),
-            None => self.in_ram(at, address).or_else(|| self.block_word(address)),
+            None => self
+                .in_ram(at, address)
+                .or_else(|| self.block_word(address)),
         }
     }
 
     /// The word of the stored register whose form in RAM is at `address`, if that can be read.
     fn in_ram(&self, at: MonoTime, address: Address) -> Option<u16> {
-        let is_readable = self.model.quirks.ram_alias.as_ref().is_some_and(|rule| rule.value.is_readable);
-        index_in_ram(&self.model, address).filter(|_| is_readable).map(|index| self.held(at, index))
+        let is_readable = self
+            .model
+            .quirks
+            .ram_alias
+            .as_ref()
+            .is_some_and(|rule| rule.value.is_readable);
+        index_in_ram(&self.model, address)
+            .filter(|_| is_readable)
+            .map(|index| self.held(at, index))
     }
 
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.
@@ -185,7 +227,11 @@ impl SimDrive {
         let before = self.held(at, place.index);
         let is_new = refused != RefusedWrite::KeepsOldValue || before != value;
         let is_refused = is_new && self.refuses_stop(function::WRITE_SINGLE, address, value);
-        let done = if is_refused { Err(Objection::Address) } else { self.store(at, place, value) };
+        let done = if is_refused {
+            Err(Objection::Address)
+        } else {
+            self.store(at, place, value)
+        };
         match done {
             Ok(()) if refused == RefusedWrite::EchoMayBeOld => Ok(before),
             Ok(()) => Ok(value),
@@ -213,16 +259,23 @@ impl SimDrive {
             offset.is_some_and(|offset| offset + values.len() <= usize::from(block.count.value))
         };
         // A drive without function 06 takes one register at a time wherever it lies.
-        let single = if first.table().is_of_bits() { function::WRITE_COIL } else { function::WRITE_SINGLE };
+        let single = if first.table().is_of_bits() {
+            function::WRITE_COIL
+        } else {
+            function::WRITE_SINGLE
+        };
         let stands_for_06 = values.len() == 1 && !self.model.serves(single);
         if !stands_for_06 && !block.is_none_or(is_inside) {
             return Err(Denied::Request(Objection::Address));
         }
         let mut trial = self.clone();
-        let done = first.onwards().zip(values).try_for_each(|(address, value)| {
-            let place = place_of(&trial.model, address);
-            trial.store(at, place.ok_or(Objection::Address)?, *value)
-        });
+        let done = first
+            .onwards()
+            .zip(values)
+            .try_for_each(|(address, value)| {
+                let place = place_of(&trial.model, address);
+                trial.store(at, place.ok_or(Objection::Address)?, *value)
+            });
         match done {
             Ok(()) => *self = trial,
             // A forbidden word was written.
@@ -233,13 +286,16 @@ impl SimDrive {
 
     /// The register of two words that is written at `address`.
     fn pair_at(&self, address: Address) -> Option<usize> {
-        let is_it = |it: &Register| it.address == address && it.access.can_write() && it.form.pair.is_some();
+        let is_it = |it: &Register| {
+            it.address == address && it.access.can_write() && it.form.pair.is_some()
+        };
         self.model.registers.iter().position(is_it)
     }
 
     /// Takes a value of two words, never half of it.
     fn write_pair(&mut self, at: MonoTime, index: usize, values: &[u16]) -> Result<(), Denied> {
-        let words = <[u16; 2]>::try_from(values).map_err(|_| Denied::Request(Objection::Quantity))?;
+        let words =
+            <[u16; 2]>::try_from(values).map_err(|_| Denied::Request(Objection::Quantity))?;
         let register = &self.model.registers[index];
         let number = register.form.pair.map_or(0, |order| order.number(words));
         if register.role != Some(Role::FrequencyCommand) {
@@ -249,7 +305,13 @@ impl SimDrive {
             if self.waits_for_commit(register) {
                 self.memory.hold_back(index, number);
             } else {
-                self.take_number(MemoryAddress { index, form: AddressForm::Own }, number);
+                self.take_number(
+                    MemoryAddress {
+                        index,
+                        form: AddressForm::Own,
+                    },
+                    number,
+                );
             }
             return Ok(());
         }
@@ -279,11 +341,14 @@ impl SimDrive {
             return Err(Objection::Value);
         }
         match (role, BackDoor::of(register)) {
-            (Some(Role::FrequencyCommand | Role::FrequencySetting), _) | (_, Some(BackDoor::Frequency)) => {
+            (Some(Role::FrequencyCommand | Role::FrequencySetting), _)
+            | (_, Some(BackDoor::Frequency)) => {
                 let micro = self.micro_of(register, value);
                 self.take_setpoint(at, micro)?;
             }
-            (_, Some(BackDoor::Limit)) if self.control.direction != 0 => return Err(Objection::NotNow),
+            (_, Some(BackDoor::Limit)) if self.control.direction != 0 => {
+                return Err(Objection::NotNow);
+            }
             _ => {}
         }
         self.is_deaf_after(at, place);

@@ -1,7 +1,9 @@
 //! Meaning of a word in the run command register.
 
 use crate::domain::address::Address;
-use crate::profile::model::{BitMeaning, Model, OrderKind, Role, RunCommand, RunField, RunForm, ZeroWord};
+use crate::profile::model::{
+    BitMeaning, Model, OrderKind, Role, RunCommand, RunField, RunForm, ZeroWord,
+};
 
 /// The orders in a run command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,15 +45,25 @@ pub(super) enum Motion {
 /// The orders in `word`, written to `address`; `None` if it has no meaning there.
 pub(super) fn wish(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
     let run = model.run.as_ref()?;
-    let is_own = model.register_for(Role::RunCommand).is_some_and(|it| it.address == address);
+    let is_own = model
+        .register_for(Role::RunCommand)
+        .is_some_and(|it| it.address == address);
     match &run.form {
         RunForm::Bits { bits, fields, .. } if is_own => {
             let mut meanings = Vec::new();
             for bit in 0..16 {
                 let is_set = word & (1 << bit) != 0;
                 match bits.iter().find(|it| u16::from(it.bit.value) == bit) {
-                    Some(known) => meanings.extend((is_set != known.is_inverted).then_some(known.meaning)),
-                    None if is_set && fields.iter().all(|field| field.mask.value & (1 << bit) == 0) => return None,
+                    Some(known) => {
+                        meanings.extend((is_set != known.is_inverted).then_some(known.meaning))
+                    }
+                    None if is_set
+                        && fields
+                            .iter()
+                            .all(|field| field.mask.value & (1 << bit) == 0) =>
+                    {
+                        return None;
+                    }
                     None => {}
                 }
             }
@@ -59,7 +71,12 @@ pub(super) fn wish(model: &Model, address: Address, word: u16) -> Option<RunOrde
                 meanings.extend(in_field(field, word)?);
             }
             let latches = bits.iter().any(|it| it.meaning == BitMeaning::Stop)
-                || fields.iter().any(|field| field.values.iter().any(|(_, it)| *it == Some(BitMeaning::Stop)));
+                || fields.iter().any(|field| {
+                    field
+                        .values
+                        .iter()
+                        .any(|(_, it)| *it == Some(BitMeaning::Stop))
+                });
             states(run, &meanings, latches)
         }
         RunForm::Values | RunForm::Bits { .. } => {
@@ -74,7 +91,11 @@ fn in_field(field: &RunField, word: u16) -> Option<Option<BitMeaning>> {
     let mask = field.mask.value;
     let value = (0..16).filter(|bit| mask & (1 << bit) != 0).enumerate();
     let value = value.fold(0, |value, (place, bit)| value | (word >> bit & 1) << place);
-    field.values.iter().find(|(known, _)| *known == value).map(|(_, meaning)| *meaning)
+    field
+        .values
+        .iter()
+        .find(|(known, _)| *known == value)
+        .map(|(_, meaning)| *meaning)
 }
 
 /// Whether the model's words can take control whatever the drive's source registers say.
@@ -84,39 +105,77 @@ pub(super) fn has_priority(run: &RunCommand) -> bool {
 }
 
 fn one_command(model: &Model, address: Address, word: u16) -> Option<RunOrder> {
-    let none = RunOrder { is_one_command: true, ..RunOrder::default() };
-    let (kind, _) = model.orders_at(address).find(|(_, fact)| fact.value == word)?;
+    let none = RunOrder {
+        is_one_command: true,
+        ..RunOrder::default()
+    };
+    let (kind, _) = model
+        .orders_at(address)
+        .find(|(_, fact)| fact.value == word)?;
     Some(match kind {
         OrderKind::Stop => none,
-        OrderKind::Forward => RunOrder { motion: Motion::Run(1), ..none },
-        OrderKind::Reverse => RunOrder { motion: Motion::Run(-1), ..none },
-        OrderKind::Coast => RunOrder { coast: true, ..none },
-        OrderKind::Reset => RunOrder { reset: true, ..none },
-        OrderKind::Release => RunOrder { release: true, ..none },
+        OrderKind::Forward => RunOrder {
+            motion: Motion::Run(1),
+            ..none
+        },
+        OrderKind::Reverse => RunOrder {
+            motion: Motion::Run(-1),
+            ..none
+        },
+        OrderKind::Coast => RunOrder {
+            coast: true,
+            ..none
+        },
+        OrderKind::Reset => RunOrder {
+            reset: true,
+            ..none
+        },
+        OrderKind::Release => RunOrder {
+            release: true,
+            ..none
+        },
     })
 }
 
 /// What a word of zeros does that is no command of its own.
 fn zero_command(run: &RunCommand) -> Option<RunOrder> {
-    let none = RunOrder { is_one_command: true, ..RunOrder::default() };
+    let none = RunOrder {
+        is_one_command: true,
+        ..RunOrder::default()
+    };
     Some(match run.zero.as_ref()?.value {
         ZeroWord::Stop => none,
-        ZeroWord::Coast => RunOrder { coast: true, ..none },
-        ZeroWord::Nothing => RunOrder { motion: Motion::Keep(None), ..none },
-        ZeroWord::Ignored => RunOrder { is_ignored: true, ..none },
-        ZeroWord::Release => RunOrder { release: true, ..none },
+        ZeroWord::Coast => RunOrder {
+            coast: true,
+            ..none
+        },
+        ZeroWord::Nothing => RunOrder {
+            motion: Motion::Keep(None),
+            ..none
+        },
+        ZeroWord::Ignored => RunOrder {
+            is_ignored: true,
+            ..none
+        },
+        ZeroWord::Release => RunOrder {
+            release: true,
+            ..none
+        },
     })
 }
 
 /// The orders of these states. If the drive `latches`, a run order stays until a stop.
 fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<RunOrder> {
     use BitMeaning::{
-        BusFrequency, BusRun, Coast, DcBrake, Forward, Freeze, Ignored, Jog, QuickStop, Reset, Reverse, Run,
-        RunForward, RunReverse, Stop, Toggle, Trip,
+        BusFrequency, BusRun, Coast, DcBrake, Forward, Freeze, Ignored, Jog, QuickStop, Reset,
+        Reverse, Run, RunForward, RunReverse, Stop, Toggle, Trip,
     };
     let has = |meaning| meanings.contains(&meaning);
     if has(Ignored) {
-        return Some(RunOrder { is_ignored: true, ..RunOrder::default() });
+        return Some(RunOrder {
+            is_ignored: true,
+            ..RunOrder::default()
+        });
     }
     let stops = has(Stop) || has(QuickStop) || has(DcBrake);
     let forward = has(Forward) || has(RunForward);
@@ -150,9 +209,17 @@ fn states(run: &RunCommand, meanings: &[BitMeaning], latches: bool) -> Option<Ru
 
 /// The direction of a word that says none: forward, unless only forward has a bit of its own.
 fn unsaid(run: &RunCommand) -> i64 {
-    let RunForm::Bits { bits, fields, .. } = &run.form else { return 1 };
+    let RunForm::Bits { bits, fields, .. } = &run.form else {
+        return 1;
+    };
     let of_bits = bits.iter().map(|bit| bit.meaning);
-    let of_fields = fields.iter().flat_map(|field| field.values.iter().filter_map(|(_, meaning)| *meaning));
+    let of_fields = fields
+        .iter()
+        .flat_map(|field| field.values.iter().filter_map(|(_, meaning)| *meaning));
     let known: Vec<_> = of_bits.chain(of_fields).collect();
-    if known.contains(&BitMeaning::Forward) && !known.contains(&BitMeaning::Reverse) { -1 } else { 1 }
+    if known.contains(&BitMeaning::Forward) && !known.contains(&BitMeaning::Reverse) {
+        -1
+    } else {
+        1
+    }
 }

@@ -8,13 +8,26 @@ use crate::profile::model::{CommitEffect, Register};
 
 impl SimDrive {
     /// Executes `value` in the register at `place` if it is there to take over or store parameters, and tells whether it is.
-    pub(super) fn take_commit(&mut self, at: MonoTime, place: MemoryAddress, value: u16) -> Result<bool, Objection> {
+    pub(super) fn take_commit(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        value: u16,
+    ) -> Result<bool, Objection> {
         let address = self.model.registers[place.index].address;
-        let mut here = self.model.commit.all().filter(|word| word.value.address == address).peekable();
+        let mut here = self
+            .model
+            .commit
+            .all()
+            .filter(|word| word.value.address == address)
+            .peekable();
         if here.peek().is_none() {
             return Ok(false);
         }
-        let word = here.map(|fact| &fact.value).find(|word| word.value == value).ok_or(Objection::Value)?;
+        let word = here
+            .map(|fact| &fact.value)
+            .find(|word| word.value == value)
+            .ok_or(Objection::Value)?;
         if word.at_standstill && self.control.direction != 0 {
             return Err(Objection::NotNow);
         }

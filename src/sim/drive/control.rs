@@ -41,7 +41,10 @@ pub(super) struct RunClock {
 
 impl RunClock {
     fn turn(&mut self, at: MonoTime, runs: bool) {
-        self.total += self.since.take().map_or(Duration::ZERO, |since| at.since(since));
+        self.total += self
+            .since
+            .take()
+            .map_or(Duration::ZERO, |since| at.since(since));
         self.since = runs.then_some(at);
     }
 
@@ -58,8 +61,17 @@ impl SimDrive {
         let is_edge = wish.is_one_command || !self.control.reset_held;
         self.report.resets_held += u64::from(wish.reset && !is_edge);
         let had_bus = self.is_run_from_bus();
-        let RunOrder { bus_run, bus_frequency, .. } = wish;
-        self.control = Control { bus_run, bus_frequency, reset_held: wish.reset, ..self.control };
+        let RunOrder {
+            bus_run,
+            bus_frequency,
+            ..
+        } = wish;
+        self.control = Control {
+            bus_run,
+            bus_frequency,
+            reset_held: wish.reset,
+            ..self.control
+        };
         if wish.trip && !self.tripped {
             self.trip(at, self.ordered_trip());
         }
@@ -74,7 +86,12 @@ impl SimDrive {
             self.turn(at, wish);
         }
         if wish.reset && is_edge && self.tripped {
-            let wait = self.model.reset_writes().iter().find(|write| write.resets).map(|write| write.wait);
+            let wait = self
+                .model
+                .reset_writes()
+                .iter()
+                .find(|write| write.resets)
+                .map(|write| write.wait);
             match wait.filter(|wait| !wait.is_zero()) {
                 Some(wait) => self.control.reset_due = Some(at + wait),
                 None => self.reset(at),
@@ -125,7 +142,9 @@ impl SimDrive {
     /// Ends the trip. A drive that ignores requests afterwards restarts: it forgets command and setpoint.
     fn reset(&mut self, at: MonoTime) {
         self.tripped = false;
-        let Some(deaf) = &self.model.quirks.deaf_after_reset else { return };
+        let Some(deaf) = &self.model.quirks.deaf_after_reset else {
+            return;
+        };
         self.deaf_until = at + deaf.value;
         self.forget_orders();
         if !self.is_run_from_bus() {
@@ -136,19 +155,35 @@ impl SimDrive {
     /// Clears command values in volatile registers.
     pub(super) fn forget_orders(&mut self) {
         let reset_held = self.control.reset_held;
-        self.control = Control { reset_held, ..Control::default() };
-        let is_ram = |role| self.model.register_for(role).is_some_and(|it| it.memory == Some(Memory::Ram));
+        self.control = Control {
+            reset_held,
+            ..Control::default()
+        };
+        let is_ram = |role| {
+            self.model
+                .register_for(role)
+                .is_some_and(|it| it.memory == Some(Memory::Ram))
+        };
         if is_ram(Role::FrequencyCommand) {
             self.setpoint = 0;
         }
         let is_order = |it: &Register| matches!(it.role, Some(Role::RunCommand | Role::Order));
-        let orders = self.model.registers.iter().enumerate().filter(|(_, it)| is_order(it));
+        let orders = self
+            .model
+            .registers
+            .iter()
+            .enumerate()
+            .filter(|(_, it)| is_order(it));
         orders.for_each(|(index, _)| self.memory.forget(index));
     }
 
     /// Gives control to panel and terminals.
     pub(super) fn hand_over(&mut self, at: MonoTime) {
-        let direction = if self.tripped { 0 } else { self.options.panel_runs.map_or(0, sign) };
+        let direction = if self.tripped {
+            0
+        } else {
+            self.options.panel_runs.map_or(0, sign)
+        };
         self.run(at, direction, false);
     }
 
@@ -162,7 +197,10 @@ impl SimDrive {
         if !listens && !self.can_take_frequency() {
             return Err(Objection::NotNow);
         }
-        let most = self.options.clamps_at_hz.map_or(i64::MAX, |hertz| i64::from(hertz) * MICROHERTZ);
+        let most = self
+            .options
+            .clamps_at_hz
+            .map_or(i64::MAX, |hertz| i64::from(hertz) * MICROHERTZ);
         self.setpoint = setpoint.clamp(-most, most);
         self.follow(at);
         Ok(())
@@ -181,10 +219,17 @@ impl SimDrive {
     /// Whether the source register with `role` holds the value that the model's setup requires. A model without such a
     /// register always obeys, unless its commands must claim control.
     pub(super) fn is_source_at_bus(&self, role: Role) -> bool {
-        let Some(index) = self.index_for(role) else { return !self.model.run.as_ref().is_some_and(has_priority) };
+        let Some(index) = self.index_for(role) else {
+            return !self.model.run.as_ref().is_some_and(has_priority);
+        };
         let word = self.memory.word(index);
         let address = self.model.registers[index].address;
-        let mut demanded = self.model.setup.iter().filter(|item| item.address == Some(address)).peekable();
+        let mut demanded = self
+            .model
+            .setup
+            .iter()
+            .filter(|item| item.address == Some(address))
+            .peekable();
         if demanded.peek().is_none() {
             return word == self.options.communication;
         }
@@ -192,13 +237,19 @@ impl SimDrive {
     }
 
     fn can_take_frequency(&self) -> bool {
-        let Some(RunForm::Bits { bits, .. }) = self.model.run.as_ref().map(|run| &run.form) else { return false };
+        let Some(RunForm::Bits { bits, .. }) = self.model.run.as_ref().map(|run| &run.form) else {
+            return false;
+        };
         bits.iter().any(|it| it.meaning == BitMeaning::BusFrequency)
     }
 
     /// Runs in `direction`; 0 is a stop by the ramp.
     pub(super) fn run(&mut self, at: MonoTime, direction: i64, is_jog: bool) {
-        self.control = Control { direction, is_jog, ..self.control };
+        self.control = Control {
+            direction,
+            is_jog,
+            ..self.control
+        };
         self.run_clock.turn(at, direction != 0);
         self.motor.ramp_to(at, direction * self.wanted());
     }
@@ -218,23 +269,39 @@ impl SimDrive {
 
     /// The frequency at which the motor would run now: without direction, or below 0 where the sign of the setpoint turns it.
     fn wanted(&self) -> i64 {
-        let panel = self.options.panel_frequency_hz.filter(|_| !self.is_frequency_from_bus());
+        let panel = self
+            .options
+            .panel_frequency_hz
+            .filter(|_| !self.is_frequency_from_bus());
         let frequency = panel.map_or(self.setpoint, |hertz| i64::from(hertz) * MICROHERTZ);
-        if self.control.is_jog { JOG } else { frequency.clamp(-self.highest(), self.highest()) }
+        if self.control.is_jog {
+            JOG
+        } else {
+            frequency.clamp(-self.highest(), self.highest())
+        }
     }
 
     /// The maximum output frequency of the drive, in microhertz.
     fn highest(&self) -> i64 {
         let limits = self.model.registers.iter().enumerate();
         let limits = limits.filter(|(_, register)| BackDoor::of(register) == Some(BackDoor::Limit));
-        let limits =
-            limits.map(|(index, it)| i64::from(self.memory.word(index)) * MICROHERTZ / i64::from(it.scale.max(1)));
+        let limits = limits.map(|(index, it)| {
+            i64::from(self.memory.word(index)) * MICROHERTZ / i64::from(it.scale.max(1))
+        });
         limits.fold(self.full_scale(), i64::min)
     }
 
     fn ordered_trip(&self) -> u16 {
-        let is_one = |text: &str| ["emergency", "external"].iter().any(|part| text.contains(part));
-        let ordered = self.model.trip_codes.iter().find(|it| is_one(&it.text.to_lowercase()));
+        let is_one = |text: &str| {
+            ["emergency", "external"]
+                .iter()
+                .any(|part| text.contains(part))
+        };
+        let ordered = self
+            .model
+            .trip_codes
+            .iter()
+            .find(|it| is_one(&it.text.to_lowercase()));
         ordered.map_or(ORDERED_TRIP, |it| it.code)
     }
 }

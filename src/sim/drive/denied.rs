@@ -1,7 +1,9 @@
 //! Reasons why a drive refuses a request, and the model's exception codes for them.
 
 use crate::profile::model::Model;
-use crate::wire::exception::{ILLEGAL_DATA_ADDRESS, ILLEGAL_DATA_VALUE, ILLEGAL_FUNCTION, SERVER_DEVICE_FAILURE};
+use crate::wire::exception::{
+    ILLEGAL_DATA_ADDRESS, ILLEGAL_DATA_VALUE, ILLEGAL_FUNCTION, SERVER_DEVICE_FAILURE,
+};
 
 /// Why a request was not executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,11 +41,15 @@ impl Objection {
         let sureness = |code| model.exception_text(code).map(|it| it.confidence);
         let has_own = (OWN_FIRST..OWN_FIRST + 5).all(|code| sureness(code).is_some());
         // The highest confidence is the smallest value; `None` must not win.
-        if has_own && sureness(ILLEGAL_FUNCTION).is_none_or(|standard| sureness(OWN_FIRST) < Some(standard)) {
+        if has_own
+            && sureness(ILLEGAL_FUNCTION)
+                .is_none_or(|standard| sureness(OWN_FIRST) < Some(standard))
+        {
             return OWN_FIRST + self as u8;
         }
-        let counts_registers =
-            model.exception_text(SERVER_DEVICE_FAILURE).is_some_and(|it| it.text.to_lowercase().contains("registers"));
+        let counts_registers = model
+            .exception_text(SERVER_DEVICE_FAILURE)
+            .is_some_and(|it| it.text.to_lowercase().contains("registers"));
         match (self, counts_registers) {
             (Self::Function, _) => ILLEGAL_FUNCTION,
             (Self::Address, _) => ILLEGAL_DATA_ADDRESS,

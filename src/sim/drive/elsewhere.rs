@@ -92,7 +92,8 @@ impl SimDrive {
             RefusedStops::All => true,
         };
         let stop = self.model.order(OrderKind::Stop);
-        is_refused && stop.is_some_and(|(register, fact)| register == address && fact.value == value)
+        is_refused
+            && stop.is_some_and(|(register, fact)| register == address && fact.value == value)
     }
 
     /// From now on reads of `address` show `word`, whatever is so. Nothing else changes.

@@ -12,15 +12,28 @@ impl SimDrive {
     /// The word that a read shows at `address` where registers share it, have two words or are added to another one;
     /// `None` where it is one register with one word.
     pub(super) fn shared_word(&self, at: MonoTime, address: Address) -> Option<u16> {
-        let registers = self.model.registers.iter().enumerate().filter(|(_, register)| register.access.can_read());
+        let registers = self
+            .model
+            .registers
+            .iter()
+            .enumerate()
+            .filter(|(_, register)| register.access.can_read());
         let mut shared = None;
         for (index, register) in registers.filter(|(_, register)| !register.form.is_plain()) {
-            let part = register.form.plus.iter().position(|part| part.address == address);
-            let place = address.offset_from(register.address).filter(|place| *place < register.form.words());
+            let part = register
+                .form
+                .plus
+                .iter()
+                .position(|part| part.address == address);
+            let place = address
+                .offset_from(register.address)
+                .filter(|place| *place < register.form.words());
             let word = match (place, part) {
                 (Some(place), _) => self.words(at, index)[usize::from(place)],
                 // A part that is a register of its own shows its own word.
-                (None, Some(part)) if self.model.readable_at(address).is_none() => self.parts(at, index).1[part],
+                (None, Some(part)) if self.model.readable_at(address).is_none() => {
+                    self.parts(at, index).1[part]
+                }
                 (None, _) => continue,
             };
             shared = Some(shared.unwrap_or(0) | word);
@@ -32,7 +45,11 @@ impl SimDrive {
     fn words(&self, at: MonoTime, index: usize) -> [u16; 2] {
         let register = &self.model.registers[index];
         let number = self.parts(at, index).0;
-        let number = if register.signed { number } else { number.abs() };
+        let number = if register.signed {
+            number
+        } else {
+            number.abs()
+        };
         match register.form.pair {
             Some(order) => order.words((number & 0xFFFF_FFFF) as u32),
             None => [mantissa_and_exponent(register, number), 0],
@@ -45,9 +62,15 @@ impl SimDrive {
         let Some(micro) = self.measured(at, register) else {
             if register.form.pair.is_some() {
                 let bits = register.role.and_then(|role| self.bits(role));
-                return (bits.unwrap_or_else(|| self.memory.number(index)).into(), Vec::new());
+                return (
+                    bits.unwrap_or_else(|| self.memory.number(index)).into(),
+                    Vec::new(),
+                );
             }
-            return (self.held(at, index).into(), vec![0; register.form.plus.len()]);
+            return (
+                self.held(at, index).into(),
+                vec![0; register.form.plus.len()],
+            );
         };
         let mut left = i128::from(micro);
         let mut words = vec![0; register.form.plus.len()];
@@ -70,16 +93,26 @@ impl SimDrive {
         let steps = match &register.form.scale_by {
             Some(by) => {
                 let word = self.memory_at(by.address, by.mask);
-                by.steps.iter().find(|(code, _)| *code == word).map_or(1, |(_, steps)| *steps)
+                by.steps
+                    .iter()
+                    .find(|(code, _)| *code == word)
+                    .map_or(1, |(_, steps)| *steps)
             }
             None => register.scale,
         };
-        nearest(micro * i128::from(steps), MICRO * i128::from(register.form.per))
+        nearest(
+            micro * i128::from(steps),
+            MICRO * i128::from(register.form.per),
+        )
     }
 
     /// The value in millionths that `word` means in `register`, which is one word.
     pub(super) fn micro_of(&self, register: &Register, word: u16) -> i64 {
-        let number = if register.signed { i128::from(word.cast_signed()) } else { i128::from(word) };
+        let number = if register.signed {
+            i128::from(word.cast_signed())
+        } else {
+            i128::from(word)
+        };
         self.micro_of_number(register, number)
     }
 
@@ -90,7 +123,9 @@ impl SimDrive {
                 let (from, of) = self.ends(scale);
                 from + number * (of - from) / i128::from(scale.steps)
             }
-            None => number * MICRO * i128::from(register.form.per) / i128::from(register.scale.max(1)),
+            None => {
+                number * MICRO * i128::from(register.form.per) / i128::from(register.scale.max(1))
+            }
         };
         i64::try_from(micro).unwrap_or(i64::MAX)
     }
@@ -111,7 +146,11 @@ impl SimDrive {
 
     /// The field `mask` of what the register at `address` holds.
     fn memory_at(&self, address: Address, mask: u16) -> u16 {
-        let index = self.model.registers.iter().position(|it| it.address == address && it.form.mask == mask);
+        let index = self
+            .model
+            .registers
+            .iter()
+            .position(|it| it.address == address && it.form.mask == mask);
         index.map_or(0, |index| self.memory.word(index))
     }
 }
@@ -131,7 +170,10 @@ fn mantissa_and_exponent(register: &Register, number: i128) -> u16 {
         exponent += 1;
     }
     let field = ((number & most) as u16) << mask.trailing_zeros();
-    let power = exponent.checked_shl(exponent_mask.trailing_zeros()).unwrap_or(0) & exponent_mask;
+    let power = exponent
+        .checked_shl(exponent_mask.trailing_zeros())
+        .unwrap_or(0)
+        & exponent_mask;
     field | power
 }
 

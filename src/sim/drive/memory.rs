@@ -39,8 +39,17 @@ pub(super) enum AddressForm {
 
 impl Memory {
     pub(super) fn new(model: &Model, options: &DriveOptions) -> Self {
-        let now: Vec<_> = model.registers.iter().map(|register| first_word(model, register, options).into()).collect();
-        Self { stored: now.clone(), waiting: vec![None; now.len()], stored_writes: vec![0; now.len()], now }
+        let now: Vec<_> = model
+            .registers
+            .iter()
+            .map(|register| first_word(model, register, options).into())
+            .collect();
+        Self {
+            stored: now.clone(),
+            waiting: vec![None; now.len()],
+            stored_writes: vec![0; now.len()],
+            now,
+        }
     }
 
     pub(super) fn word(&self, index: usize) -> u16 {
@@ -65,7 +74,9 @@ impl Memory {
     /// What was kept back acts, and is lost with the power; false if there was nothing.
     pub(super) fn apply(&mut self, index: usize) -> bool {
         let number = self.waiting[index].take();
-        number.into_iter().for_each(|number| self.now[index] = number);
+        number
+            .into_iter()
+            .for_each(|number| self.now[index] = number);
         number.is_some()
     }
 
@@ -87,9 +98,10 @@ impl Memory {
     pub(super) fn take(&mut self, register: &Register, place: MemoryAddress, number: u32) {
         let MemoryAddress { index, form } = place;
         // A run command is not restored at power-up unless a document says that it is stored.
-        let is_order =
-            matches!(register.role, Some(Role::RunCommand | Role::Order)) && register.memory != Some(Kind::Stored);
-        let is_volatile = (is_order || register.memory == Some(Kind::Ram)) && form == AddressForm::Own;
+        let is_order = matches!(register.role, Some(Role::RunCommand | Role::Order))
+            && register.memory != Some(Kind::Stored);
+        let is_volatile =
+            (is_order || register.memory == Some(Kind::Ram)) && form == AddressForm::Own;
         if is_volatile || form == AddressForm::Ram {
             self.now[index] = number;
             return;
@@ -118,24 +130,38 @@ impl Memory {
 
 /// What `address` means in a write.
 pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress> {
-    let written = model.registers.iter().position(|it| it.address == address && it.access.can_write());
+    let written = model
+        .registers
+        .iter()
+        .position(|it| it.address == address && it.access.can_write());
     if let Some(index) = written.or_else(|| index_of(model, address)) {
-        return Some(MemoryAddress { index, form: AddressForm::Own });
+        return Some(MemoryAddress {
+            index,
+            form: AddressForm::Own,
+        });
     }
     if let Some(index) = index_in_ram(model, address) {
-        return Some(MemoryAddress { index, form: AddressForm::Ram });
+        return Some(MemoryAddress {
+            index,
+            form: AddressForm::Ram,
+        });
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
     let number = address.number();
     let index = index_of(model, address.at(number & !bit)).filter(|_| number & bit != 0)?;
     // Only parameters are stored: commands are written only, measurements are read only.
-    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress { index, form: AddressForm::Stored })
+    (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress {
+        index,
+        form: AddressForm::Stored,
+    })
 }
 
 /// The stored register whose form in RAM is at `address`.
 pub(super) fn index_in_ram(model: &Model, address: Address) -> Option<usize> {
     let rule = model.quirks.ram_alias.as_ref()?.value;
-    let number = rule.register_of(address.number()).filter(|_| address.table() == Table::Holding)?;
+    let number = rule
+        .register_of(address.number())
+        .filter(|_| address.table() == Table::Holding)?;
     let index = index_of(model, address.at(number))?;
     let register = &model.registers[index];
     (register.access == Access::ReadWrite && register.memory != Some(Kind::Ram)).then_some(index)
@@ -143,23 +169,42 @@ pub(super) fn index_in_ram(model: &Model, address: Address) -> Option<usize> {
 
 /// How long the drive of `model` needs a pause after a request with `pdu`, if that is a write.
 pub(super) fn pause_after(model: &Model, pdu: &[u8]) -> Duration {
-    let addresses = Request::decode(pdu).into_iter().flat_map(|request| request.written());
-    let stored = addresses.filter_map(|address| place_of(model, address)).map(|place| {
-        let register = &model.registers[place.index];
-        let is_order = matches!(register.role, Some(Role::RunCommand | Role::FrequencyCommand));
-        match place.form {
-            AddressForm::Stored => true,
-            AddressForm::Ram => false,
-            AddressForm::Own => register.memory == Some(Kind::Stored) || (register.memory.is_none() && !is_order),
-        }
-    });
-    stored.map(|is_stored| model.timing.pause_after(is_stored)).max().unwrap_or_default()
+    let addresses = Request::decode(pdu)
+        .into_iter()
+        .flat_map(|request| request.written());
+    let stored = addresses
+        .filter_map(|address| place_of(model, address))
+        .map(|place| {
+            let register = &model.registers[place.index];
+            let is_order = matches!(
+                register.role,
+                Some(Role::RunCommand | Role::FrequencyCommand)
+            );
+            match place.form {
+                AddressForm::Stored => true,
+                AddressForm::Ram => false,
+                AddressForm::Own => {
+                    register.memory == Some(Kind::Stored)
+                        || (register.memory.is_none() && !is_order)
+                }
+            }
+        });
+    stored
+        .map(|is_stored| model.timing.pause_after(is_stored))
+        .max()
+        .unwrap_or_default()
 }
 
 /// Where the register at `address` stands in the model; the readable one if there are two.
 pub(super) fn index_of(model: &Model, address: Address) -> Option<usize> {
-    let start = model.registers.partition_point(|register| register.address < address);
-    let here = model.registers.get(start..)?.iter().take_while(|register| register.address == address);
+    let start = model
+        .registers
+        .partition_point(|register| register.address < address);
+    let here = model
+        .registers
+        .get(start..)?
+        .iter()
+        .take_while(|register| register.address == address);
     let readable = here.clone().position(|register| register.access.can_read());
     Some(start + readable.or(here.count().checked_sub(1).map(|_| 0))?)
 }
@@ -187,20 +232,41 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
         let raw = time.as_nanos() * u128::from(register.scale) / u128::from(NANOS);
         u16::try_from(raw).unwrap_or(u16::MAX)
     };
-    let demanded = model.setup.iter().find(|item| item.address == Some(register.address));
+    let demanded = model
+        .setup
+        .iter()
+        .find(|item| item.address == Some(register.address));
     let demanded = demanded.and_then(|item| item.values.value.first().copied());
-    let identity = model.identity.as_ref().filter(|identity| identity.address == register.address);
-    let watchdog = model.watchdog.as_ref().filter(|watchdog| watchdog.time == register.address);
+    let identity = model
+        .identity
+        .as_ref()
+        .filter(|identity| identity.address == register.address);
+    let watchdog = model
+        .watchdog
+        .as_ref()
+        .filter(|watchdog| watchdog.time == register.address);
     match register.role {
         Some(Role::AccelerationTime) => seconds(options.acceleration),
         Some(Role::DecelerationTime) => seconds(options.deceleration),
         Some(Role::FrequencySource | Role::RunSource) => {
             let takes_control = model.run.as_ref().is_some_and(has_priority);
-            let ready = demanded.unwrap_or(if takes_control { 0 } else { options.communication });
+            let ready = demanded.unwrap_or(if takes_control {
+                0
+            } else {
+                options.communication
+            });
             options.sources_at_start.unwrap_or(ready)
         }
         Some(Role::RunCommand) => model.run.as_ref().map_or(0, |run| match run.form {
-            RunForm::Values if run.places.registers.iter().any(|(kind, _)| *kind == OrderKind::Stop) => 0,
+            RunForm::Values
+                if run
+                    .places
+                    .registers
+                    .iter()
+                    .any(|(kind, _)| *kind == OrderKind::Stop) =>
+            {
+                0
+            }
             RunForm::Values => run.stop.value,
             RunForm::Bits { .. } => 0,
         }),
@@ -218,15 +284,21 @@ fn first_word(model: &Model, register: &Register, options: &DriveOptions) -> u16
 
 /// The word of `register` that is nearest to 0.
 fn lowest(register: &Register) -> u16 {
-    let raw = register.range.as_ref().map_or(0, |range| 0.clamp(*range.start(), *range.end().max(range.start())));
+    let raw = register.range.as_ref().map_or(0, |range| {
+        0.clamp(*range.start(), *range.end().max(range.start()))
+    });
     (raw & 0xFFFF) as u16
 }
 
 /// The word of `register`, which takes orders, before any was given.
 fn at_rest(model: &Model, register: &Register) -> u16 {
-    let direction = model.direction_at(register.address).map(|words| words.forward);
+    let direction = model
+        .direction_at(register.address)
+        .map(|words| words.forward);
     let clear = || {
-        let clears = model.reset_clears().filter(|it| it.address == register.address)?;
+        let clears = model
+            .reset_clears()
+            .filter(|it| it.address == register.address)?;
         Some(clears.value)
     };
     direction.or_else(clear).unwrap_or(0)

@@ -176,7 +176,11 @@ impl SimDrive {
             return;
         }
         let others = if self.tripped { self.trip_bits } else { 0 };
-        self.trip_bits = others | cause.checked_sub(1).and_then(|bit| 1_u32.checked_shl(bit.into())).unwrap_or(0);
+        self.trip_bits = others
+            | cause
+                .checked_sub(1)
+                .and_then(|bit| 1_u32.checked_shl(bit.into()))
+                .unwrap_or(0);
         let record = self.record(at, cause);
         self.trips.push(record);
         self.tripped = true;
@@ -252,10 +256,17 @@ impl SimDrive {
     fn drop_out(&mut self, at: MonoTime) {
         self.cut_off(at);
         self.must_start_again();
-        let stop = self.model.order(OrderKind::Stop).map(|(address, fact)| (address, fact.value));
+        let stop = self
+            .model
+            .order(OrderKind::Stop)
+            .map(|(address, fact)| (address, fact.value));
         for kind in [OrderKind::Forward, OrderKind::Reverse] {
-            let Some(address) = self.model.order_address(kind) else { continue };
-            let word = stop.filter(|(register, _)| *register == address).map_or(0, |(_, word)| word);
+            let Some(address) = self.model.order_address(kind) else {
+                continue;
+            };
+            let word = stop
+                .filter(|(register, _)| *register == address)
+                .map_or(0, |(_, word)| word);
             if let Some(index) = index_of(&self.model, address) {
                 self.memory.hold(index, word);
             }
@@ -267,7 +278,9 @@ impl SimDrive {
         self.follow_ramps(at, index);
         match self.model.registers[index].role {
             // The new source takes control with its next order, unless an order is already active.
-            Some(Role::RunSource) if self.is_local() && self.options.panel_runs.is_some() => self.hand_over(at),
+            Some(Role::RunSource) if self.is_local() && self.options.panel_runs.is_some() => {
+                self.hand_over(at)
+            }
             Some(Role::FrequencySource) | None => self.follow(at),
             _ => {}
         }
@@ -291,11 +304,15 @@ impl SimDrive {
 
     fn take_number(&mut self, place: MemoryAddress, number: u32) {
         let before = self.memory.stored_writes(place.index);
-        self.memory.take(&self.model.registers[place.index], place, number);
+        self.memory
+            .take(&self.model.registers[place.index], place, number);
         self.report.stored_writes += self.memory.stored_writes(place.index) - before;
     }
 
     fn index_for(&self, role: Role) -> Option<usize> {
-        self.model.registers.iter().position(|register| register.role == Some(role))
+        self.model
+            .registers
+            .iter()
+            .position(|register| register.role == Some(role))
     }
 }

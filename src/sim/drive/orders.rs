@@ -11,14 +11,25 @@ use std::sync::Arc;
 
 impl SimDrive {
     /// Takes `word` in a register of orders.
-    pub(super) fn take_order(&mut self, at: MonoTime, place: MemoryAddress, word: u16) -> Result<(), Objection> {
+    pub(super) fn take_order(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+    ) -> Result<(), Objection> {
         let model = Arc::clone(&self.model);
         let register = &model.registers[place.index];
         let address = register.address;
-        let Some(run) = model.run.as_ref() else { return Err(Objection::Value) };
+        let Some(run) = model.run.as_ref() else {
+            return Err(Objection::Value);
+        };
         let is_own = register.role == Some(Role::RunCommand);
         let is_forbidden = run.never.iter().any(|never| is_own && never.value == word)
-            || run.places.never.iter().any(|(register, never)| *register == address && never.value == word);
+            || run
+                .places
+                .never
+                .iter()
+                .any(|(register, never)| *register == address && never.value == word);
         if is_forbidden {
             self.report.forbidden_words += 1;
             return Err(Objection::Value);
@@ -37,7 +48,10 @@ impl SimDrive {
         }
         let wished = wish(&self.model, address, word);
         let motion = wished.map(|wish| wish.motion);
-        if is_own && self.is_source_at_bus(Role::RunSource) && self.take_start(at, place, word, motion) {
+        if is_own
+            && self.is_source_at_bus(Role::RunSource)
+            && self.take_start(at, place, word, motion)
+        {
             return Ok(());
         }
         let mut wish = wished.ok_or(Objection::Value)?;
@@ -53,8 +67,11 @@ impl SimDrive {
             wish.bus_frequency = self.control.bus_frequency;
         }
         let needs_sources = !has_priority(run) && !wish.release;
-        let has_sources = self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
-        if (needs_sources && !has_sources) || (self.wanted_direction(wish.motion) != 0 && self.tripped) {
+        let has_sources =
+            self.is_source_at_bus(Role::RunSource) && self.is_source_at_bus(Role::FrequencySource);
+        if (needs_sources && !has_sources)
+            || (self.wanted_direction(wish.motion) != 0 && self.tripped)
+        {
             return Err(Objection::NotNow);
         }
         let stood = is_of_reset && self.control.reset_stands;
@@ -71,8 +88,15 @@ impl SimDrive {
     }
 
     /// The direction of the next run word; a motor that runs follows at once.
-    fn take_direction(&mut self, at: MonoTime, place: MemoryAddress, word: u16) -> Result<(), Objection> {
-        let words = self.model.direction_at(self.model.registers[place.index].address);
+    fn take_direction(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+    ) -> Result<(), Objection> {
+        let words = self
+            .model
+            .direction_at(self.model.registers[place.index].address);
         if !words.is_some_and(|words| word == words.forward || Some(word) == words.reverse) {
             return Err(Objection::Value);
         }
@@ -86,10 +110,20 @@ impl SimDrive {
 
     /// 1, or -1 if the register of the direction holds the word for reverse.
     fn given_direction(&self) -> i64 {
-        let words = self.model.run.as_ref().and_then(|run| run.places.direction.as_ref());
-        let Some(words) = words.map(|fact| &fact.value) else { return 1 };
+        let words = self
+            .model
+            .run
+            .as_ref()
+            .and_then(|run| run.places.direction.as_ref());
+        let Some(words) = words.map(|fact| &fact.value) else {
+            return 1;
+        };
         let held = index_of(&self.model, words.address).map(|index| self.memory.word(index));
-        if held.is_some() && held == words.reverse { -1 } else { 1 }
+        if held.is_some() && held == words.reverse {
+            -1
+        } else {
+            1
+        }
     }
 
     /// Whether the register at `address` takes nothing but the reset.
@@ -101,5 +135,8 @@ impl SimDrive {
 
 /// Whether the drive leaves the reset word in its register.
 fn run_clears(model: &Model) -> bool {
-    model.run.as_ref().is_some_and(|run| run.places.clear.is_some())
+    model
+        .run
+        .as_ref()
+        .is_some_and(|run| run.places.clear.is_some())
 }

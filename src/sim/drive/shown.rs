@@ -13,7 +13,12 @@ use crate::sim::trip::TripRecord;
 /// Millionths in a unit of measure: readings are whole numbers of them.
 const MICRO: i64 = 1_000_000;
 /// The words of a trip record in a block, in order.
-const RECORD: [Role; 4] = [Role::TripCause, Role::TripFrequency, Role::TripCurrent, Role::TripDcLinkVoltage];
+const RECORD: [Role; 4] = [
+    Role::TripCause,
+    Role::TripFrequency,
+    Role::TripCurrent,
+    Role::TripDcLinkVoltage,
+];
 /// Number of records in such a block: the newest and the five before it.
 const BLOCK_RECORDS: u16 = 6;
 
@@ -41,16 +46,22 @@ impl SimDrive {
             }
             Some(Role::TripCount) => self.trips.count(),
             Some(Role::TripCause) => self.trips.newest().cause,
-            Some(Role::TripHistory) => self.trips.record(self.place_in_history(register)).map_or(0, |it| it.cause),
+            Some(Role::TripHistory) => self
+                .trips
+                .record(self.place_in_history(register))
+                .map_or(0, |it| it.cause),
             Some(Role::RunHours) => {
-                let hours = i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at);
+                let hours =
+                    i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at);
                 raw(register, hours)
             }
             Some(role) => match self.reading(at, role) {
                 Some(micro) => self.word_of(register, micro),
                 None => self.memory.word(index),
             },
-            None => self.block_word(register.address).unwrap_or_else(|| self.memory.word(index)),
+            None => self
+                .block_word(register.address)
+                .unwrap_or_else(|| self.memory.word(index)),
         }
     }
 
@@ -65,8 +76,13 @@ impl SimDrive {
 
     /// Whether `register`, which may be a field of a word, contains a flag.
     fn has_flag_in(&self, register: &Register) -> bool {
-        let here = self.model.status.iter().filter(|flag| flag.address == register.address);
-        here.into_iter().any(|flag| flag.mask & register.form.mask != 0)
+        let here = self
+            .model
+            .status
+            .iter()
+            .filter(|flag| flag.address == register.address);
+        here.into_iter()
+            .any(|flag| flag.mask & register.form.mask != 0)
     }
 
     /// Whether a register with `role` is a measurement, which cannot be written.
@@ -87,7 +103,9 @@ impl SimDrive {
     /// The value of `register`, in millionths of its unit of measure, if it is measured.
     pub(super) fn measured(&self, at: MonoTime, register: &Register) -> Option<i64> {
         match register.role? {
-            Role::RunHours => Some(i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at)),
+            Role::RunHours => {
+                Some(i64::from(self.options.run_hours) * MICRO + self.run_clock.microhours(at))
+            }
             role => self.reading(at, role),
         }
     }
@@ -120,30 +138,50 @@ impl SimDrive {
     /// The record of a trip at this moment.
     pub(super) fn record(&self, at: MonoTime, cause: u16) -> TripRecord {
         let output = self.motor.output(at);
-        TripRecord { cause, frequency: output, current: self.current(output), dc_link: self.dc_link(output) }
+        TripRecord {
+            cause,
+            frequency: output,
+            current: self.current(output),
+            dc_link: self.dc_link(output),
+        }
     }
 
     /// The word of the block of trip records at `address`, whether or not the model lists each word of them: four
     /// words a record without a gap. The block ends where the model has something else.
     pub(super) fn block_word(&self, address: Address) -> Option<u16> {
         let registers = &self.model.registers;
-        let first = index_of(&self.model, self.model.register_for(Role::TripCause)?.address)?;
+        let first = index_of(
+            &self.model,
+            self.model.register_for(Role::TripCause)?.address,
+        )?;
         let newest = registers.get(first..first + RECORD.len())?;
         let start = newest[0].address;
-        let is_listed = newest
+        let is_listed =
+            newest
+                .iter()
+                .zip(RECORD)
+                .zip(start.onwards())
+                .all(|((register, role), address)| {
+                    register.role == Some(role) && register.address == address
+                });
+        let older = registers
             .iter()
-            .zip(RECORD)
-            .zip(start.onwards())
-            .all(|((register, role), address)| register.role == Some(role) && register.address == address);
-        let older = registers.iter().filter(|it| it.role == Some(Role::TripHistory));
-        let is_block = is_listed && older.zip(1..).all(|(it, back)| it.address == start.saturating_add(4 * back));
-        let others = registers[first..].iter().filter(|it| it.role.is_some_and(|role| !is_of_a_trip(role)));
+            .filter(|it| it.role == Some(Role::TripHistory));
+        let is_block = is_listed
+            && older
+                .zip(1..)
+                .all(|(it, back)| it.address == start.saturating_add(4 * back));
+        let others = registers[first..]
+            .iter()
+            .filter(|it| it.role.is_some_and(|role| !is_of_a_trip(role)));
         let end = others
             .map(|it| it.address)
             .min()
             .unwrap_or(start.at(u16::MAX))
             .min(start.saturating_add(4 * BLOCK_RECORDS));
-        let offset = address.offset_from(start).filter(|_| is_block && address < end)?;
+        let offset = address
+            .offset_from(start)
+            .filter(|_| is_block && address < end)?;
         let record = self.trips.record(usize::from(offset / 4))?;
         let register = &newest[usize::from(offset % 4)];
         Some(match offset % 4 {
@@ -157,7 +195,11 @@ impl SimDrive {
     /// How many trips ago the trip shown by `register` was. The newest one is first, unless it has a register
     /// of its own.
     fn place_in_history(&self, register: &Register) -> usize {
-        let older = self.model.registers.iter().filter(|it| it.role == Some(Role::TripHistory));
+        let older = self
+            .model
+            .registers
+            .iter()
+            .filter(|it| it.role == Some(Role::TripHistory));
         let before = older.filter(|it| it.address < register.address).count();
         before + usize::from(self.model.register_for(Role::TripCause).is_some())
     }
@@ -186,7 +228,11 @@ impl SimDrive {
     /// Magnetising the motor takes a third of the rated current.
     fn current(&self, output: i64) -> i64 {
         let rated = self.rated_current();
-        if output == 0 { 0 } else { rated / 100 * 33 + self.share(rated / 100 * 67, output) }
+        if output == 0 {
+            0
+        } else {
+            rated / 100 * 33 + self.share(rated / 100 * 67, output)
+        }
     }
 
     /// In proportion to the frequency.

@@ -51,18 +51,30 @@ impl SimDrive {
 
     /// Takes `word`, which orders `motion`, if it belongs to a start or is a run word that the drive is not ready for; false if
     /// it is an order.
-    pub(super) fn take_start(&mut self, at: MonoTime, place: MemoryAddress, word: u16, motion: Option<Motion>) -> bool {
+    pub(super) fn take_start(
+        &mut self,
+        at: MonoTime,
+        place: MemoryAddress,
+        word: u16,
+        motion: Option<Motion>,
+    ) -> bool {
         let steps = self.model.start_steps();
         let count = steps.len();
         let step = steps.iter().position(|step| step.write.value == word);
-        let is_stop = self.model.run.as_ref().is_some_and(|run| run.stop.value == word);
+        let is_stop = self
+            .model
+            .run
+            .as_ref()
+            .is_some_and(|run| run.stop.value == word);
         let is_taken_back = self.model.start_take_back() == Some(word);
         if count == 0 {
             return false;
         }
         let falls_back = step.is_some_and(|step| step + 1 < self.start.followed);
         match step {
-            Some(step) if self.start.followed >= step && !self.start.is_held_back && !self.tripped => {
+            Some(step)
+                if self.start.followed >= step && !self.start.is_held_back && !self.tripped =>
+            {
                 self.start.followed = step + 1;
                 self.start.since = at;
             }
@@ -78,7 +90,10 @@ impl SimDrive {
         // An earlier state of the drive is one in which its output is off.
         if falls_back && self.is_run_from_bus() && self.motor.output(at) != 0 {
             self.cut_off(at);
-        } else if self.is_run_from_bus() && self.control.direction != 0 && !matches!(motion, Some(Motion::Keep(_))) {
+        } else if self.is_run_from_bus()
+            && self.control.direction != 0
+            && !matches!(motion, Some(Motion::Keep(_)))
+        {
             self.run(at, 0, false);
         }
         true
@@ -89,17 +104,30 @@ impl SimDrive {
     fn is_ready(&self, at: MonoTime, place: MemoryAddress) -> bool {
         let steps = self.model.start_steps();
         let address = self.model.registers[place.index].address;
-        let by_word = steps.last().and_then(|last| last.until.as_ref()).filter(|until| until.address == address);
-        let Some(until) = by_word else { return self.start.followed == steps.len() && self.has_settled(at) };
+        let by_word = steps
+            .last()
+            .and_then(|last| last.until.as_ref())
+            .filter(|until| until.address == address);
+        let Some(until) = by_word else {
+            return self.start.followed == steps.len() && self.has_settled(at);
+        };
         let is_before_it = self.start.followed + 1 >= steps.len() && !self.start.is_held_back;
-        let holds_it = until.values.contains(&(self.memory.word(place.index) & until.mask));
+        let holds_it = until
+            .values
+            .contains(&(self.memory.word(place.index) & until.mask));
         self.control.direction != 0 || (is_before_it && holds_it)
     }
 
     /// Whether the drive has had its time after the last word of the start, if time is all that it needs.
     fn has_settled(&self, at: MonoTime) -> bool {
-        let last = self.model.start_steps().last().filter(|step| step.until.is_none());
-        last.is_none_or(|step| self.control.direction != 0 || at.since(self.start.since) >= step.at_least)
+        let last = self
+            .model
+            .start_steps()
+            .last()
+            .filter(|step| step.until.is_none());
+        last.is_none_or(|step| {
+            self.control.direction != 0 || at.since(self.start.since) >= step.at_least
+        })
     }
 
     /// Whether the drive shows that it runs.
@@ -114,12 +142,22 @@ impl SimDrive {
 
     /// `word` of the register at `address` with what the drive shows of a start.
     pub(super) fn with_readiness(&self, at: MonoTime, address: Address, word: u16) -> u16 {
-        let last = self.start.followed.checked_sub(1).and_then(|last| self.model.start_steps().get(last));
+        let last = self
+            .start
+            .followed
+            .checked_sub(1)
+            .and_then(|last| self.model.start_steps().get(last));
         let runs = self.shows_running(at);
         let until = last.and_then(|step| step.until.as_ref());
         // The register of run commands shows what was written there.
-        let is_own = self.model.register_for(Role::RunCommand).is_some_and(|run| run.address == address);
-        match until.filter(|_| !is_own).filter(|until| until.address == address && !self.tripped && !runs) {
+        let is_own = self
+            .model
+            .register_for(Role::RunCommand)
+            .is_some_and(|run| run.address == address);
+        match until
+            .filter(|_| !is_own)
+            .filter(|until| until.address == address && !self.tripped && !runs)
+        {
             Some(until) => (word & !until.mask) | until.values.first().copied().unwrap_or_default(),
             None => word,
         }

@@ -21,12 +21,29 @@ impl SimDrive {
     /// The word of the status register at `address`; `None` if it has no flag. Bits that no flag names are
     /// those of `other`.
     pub(super) fn status_word(&self, at: MonoTime, address: Address, other: u16) -> Option<u16> {
-        let flags = |flag| self.model.status.iter().find(move |it| it.address == address && it.flag == flag);
+        let flags = |flag| {
+            self.model
+                .status
+                .iter()
+                .find(move |it| it.address == address && it.flag == flag)
+        };
         let here: Vec<_> = FLAGS.into_iter().filter_map(flags).collect();
         let named = here.iter().fold(0, |mask, it| mask | it.mask);
-        let told: Vec<_> = here.iter().map(|it| (*it, self.is_so(at, it.flag))).collect();
-        let word = told.iter().filter(|(_, is_so)| *is_so).fold(other & !named, |word, (it, _)| shown(word, it));
-        let hidden = |word, it: &(&StatusFlag, bool)| if it.1 { word } else { hidden(word, it.0, &told) };
+        let told: Vec<_> = here
+            .iter()
+            .map(|it| (*it, self.is_so(at, it.flag)))
+            .collect();
+        let word = told
+            .iter()
+            .filter(|(_, is_so)| *is_so)
+            .fold(other & !named, |word, (it, _)| shown(word, it));
+        let hidden = |word, it: &(&StatusFlag, bool)| {
+            if it.1 {
+                word
+            } else {
+                hidden(word, it.0, &told)
+            }
+        };
         (!here.is_empty()).then(|| self.with_readiness(at, address, told.iter().fold(word, hidden)))
     }
 
@@ -62,16 +79,27 @@ fn hidden(word: u16, flag: &StatusFlag, told: &[(&StatusFlag, bool)]) -> u16 {
     if is_clear(word) {
         return word;
     }
-    let bits = (0..16).map(|bit| 1 << bit).filter(|bit| flag.mask & bit != 0);
+    let bits = (0..16)
+        .map(|bit| 1 << bit)
+        .filter(|bit| flag.mask & bit != 0);
     let named: &[MaskedWord] = match &flag.clear {
         ClearWords::Others => &[],
         ClearWords::Named(named) => named.as_slice(),
     };
     let named = named.iter().map(|it| (word & !it.mask) | it.value);
-    let others: Vec<_> = std::iter::once(word & !flag.mask).chain(bits.map(|bit| word ^ bit)).chain(named).collect();
+    let others: Vec<_> = std::iter::once(word & !flag.mask)
+        .chain(bits.map(|bit| word ^ bit))
+        .chain(named)
+        .collect();
     let agrees = |word: u16, (it, is_so): &(&StatusFlag, bool)| it.reads(word) == Some(*is_so);
-    let keeps = |word: u16| told.iter().filter(|(_, is_so)| *is_so).all(|(it, _)| it.holds(word));
-    let all_agree = others.iter().find(|word| told.iter().all(|it| agrees(**word, it)));
+    let keeps = |word: u16| {
+        told.iter()
+            .filter(|(_, is_so)| *is_so)
+            .all(|(it, _)| it.holds(word))
+    };
+    let all_agree = others
+        .iter()
+        .find(|word| told.iter().all(|it| agrees(**word, it)));
     let is_right = || others.iter().find(|word| is_clear(**word) && keeps(**word));
     all_agree.or_else(is_right).copied().unwrap_or(word)
 }

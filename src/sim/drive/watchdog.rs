@@ -19,7 +19,9 @@ impl SimDrive {
     /// Lets time pass until `at`: the watchdog may act.
     pub fn advance(&mut self, at: MonoTime) {
         self.follow_reset(at);
-        let Some(due) = self.watchdog_due().filter(|due| *due <= at) else { return };
+        let Some(due) = self.watchdog_due().filter(|due| *due <= at) else {
+            return;
+        };
         self.has_expired = true;
         self.report.watchdog_expiries += 1;
         match self.reaction() {
@@ -48,19 +50,35 @@ impl SimDrive {
         let watchdog = self.model.watchdog.as_ref()?;
         let index = index_of(&self.model, watchdog.time)?;
         let word = self.memory.word(index);
-        let watches = self.powered && self.control.direction != 0 && self.is_run_from_bus() && !self.has_expired;
-        (watches && word != watchdog.off.value).then(|| self.last_heard + time(&self.model.registers[index], word))
+        let watches = self.powered
+            && self.control.direction != 0
+            && self.is_run_from_bus()
+            && !self.has_expired;
+        (watches && word != watchdog.off.value)
+            .then(|| self.last_heard + time(&self.model.registers[index], word))
     }
 
     /// The reaction in the action register, from the meaning of its word. Without a meaning, the drive trips if it has a
     /// number for that, else it stops.
     fn reaction(&self) -> Reaction {
-        let action = self.model.watchdog.as_ref().and_then(|watchdog| watchdog.action);
+        let action = self
+            .model
+            .watchdog
+            .as_ref()
+            .and_then(|watchdog| watchdog.action);
         let index = action.and_then(|address| index_of(&self.model, address));
-        let text = index.and_then(|index| self.model.registers[index].meaning(self.memory.word(index)));
+        let text =
+            index.and_then(|index| self.model.registers[index].meaning(self.memory.word(index)));
         let is_lost = |text: &str| text.to_lowercase().contains("communication");
-        let code = self.model.trip_codes.iter().find(|it| is_lost(&it.text)).map(|it| it.code);
-        let Some(text) = text.map(str::to_lowercase) else { return code.map_or(Reaction::Decelerate, Reaction::Trip) };
+        let code = self
+            .model
+            .trip_codes
+            .iter()
+            .find(|it| is_lost(&it.text))
+            .map(|it| it.code);
+        let Some(text) = text.map(str::to_lowercase) else {
+            return code.map_or(Reaction::Decelerate, Reaction::Trip);
+        };
         let says = |parts: &[&str]| parts.iter().any(|part| text.contains(part));
         match code {
             _ if says(&["keep", "continu"]) => Reaction::Keep,

@@ -33,7 +33,9 @@ fn text_at<'t>(table: &'t DeTable<'_>, key: &str) -> Option<&'t str> {
 
 /// All facts of a file.
 fn facts(table: &DeTable<'_>, key: &str, into: &mut Vec<Stated>) {
-    if let (Some(confidence), Some(source)) = (text_at(table, "confidence"), text_at(table, "source")) {
+    if let (Some(confidence), Some(source)) =
+        (text_at(table, "confidence"), text_at(table, "source"))
+    {
         let number = |key| match table.get(key).map(|it| it.get_ref()) {
             Some(DeValue::Integer(it)) => i64::from_str_radix(it.as_str(), it.radix()).ok(),
             _ => None,
@@ -43,7 +45,13 @@ fn facts(table: &DeTable<'_>, key: &str, into: &mut Vec<Stated>) {
             _ => 0,
         };
         let (confidence, source) = (confidence.to_owned(), source.to_owned());
-        into.push(Stated { key: key.to_owned(), confidence, source, not_stated, value: number("value") });
+        into.push(Stated {
+            key: key.to_owned(),
+            confidence,
+            source,
+            not_stated,
+            value: number("value"),
+        });
     }
     for (name, value) in table {
         match value.get_ref() {
@@ -62,7 +70,10 @@ fn facts(table: &DeTable<'_>, key: &str, into: &mut Vec<Stated>) {
 
 /// Identifier and text of every model, together with what it takes over from others.
 fn wholes() -> Vec<(&'static str, String)> {
-    super::CATALOG.ids().filter_map(|id| Some((id, super::CATALOG.text_of(id)?))).collect()
+    super::CATALOG
+        .ids()
+        .filter_map(|id| Some((id, super::CATALOG.text_of(id)?)))
+        .collect()
 }
 
 fn facts_of(text: &str) -> Vec<Stated> {
@@ -76,12 +87,21 @@ fn facts_of(text: &str) -> Vec<Stated> {
 fn documents_of(text: &str) -> BTreeMap<String, (String, bool)> {
     let document = DeTable::parse(text).unwrap();
     let id = text_at(document.get_ref(), "id").unwrap();
-    let DeValue::Table(documents) = document.get_ref()["documents"].get_ref() else { panic!("{id}") };
+    let DeValue::Table(documents) = document.get_ref()["documents"].get_ref() else {
+        panic!("{id}")
+    };
     let each = documents.iter().map(|(name, document)| {
-        let DeValue::Table(document) = document.get_ref() else { panic!("{id}: {name} says nothing of itself") };
-        let DeValue::Array(of) = document["of"].get_ref() else { panic!("{id}: {name}") };
+        let DeValue::Table(document) = document.get_ref() else {
+            panic!("{id}: {name} says nothing of itself")
+        };
+        let DeValue::Array(of) = document["of"].get_ref() else {
+            panic!("{id}: {name}")
+        };
         let is_of = of.iter().any(|of| of.get_ref().as_str() == Some(id));
-        (name.get_ref().to_string(), (text_at(document, "kind").unwrap().to_owned(), is_of))
+        (
+            name.get_ref().to_string(),
+            (text_at(document, "kind").unwrap().to_owned(), is_of),
+        )
     });
     each.collect()
 }
@@ -91,7 +111,10 @@ fn only_a_document_of_the_model_that_its_maker_or_seller_wrote_proves_a_fact() {
     let mut wrong = Vec::new();
     for (name, text) in &wholes() {
         let documents = documents_of(text);
-        for fact in facts_of(text).iter().filter(|fact| fact.confidence != "default") {
+        for fact in facts_of(text)
+            .iter()
+            .filter(|fact| fact.confidence != "default")
+        {
             let (kind, is_of) = &documents[fact.document()];
             let best = match (kind.as_str(), is_of) {
                 (_, false) => 3,
@@ -99,9 +122,18 @@ fn only_a_document_of_the_model_that_its_maker_or_seller_wrote_proves_a_fact() {
                 ("distributor-manual", true) => 1,
                 (_, true) => 2,
             };
-            let scale = ["manual", "second-source", "third-party", "sibling", "inferred"];
+            let scale = [
+                "manual",
+                "second-source",
+                "third-party",
+                "sibling",
+                "inferred",
+            ];
             if scale.iter().position(|it| *it == fact.confidence).unwrap() < best {
-                wrong.push(format!("{name} {}{}: {}", fact.key, fact.confidence, fact.source));
+                wrong.push(format!(
+                    "{name} {}{}: {}",
+                    fact.key, fact.confidence, fact.source
+                ));
             }
         }
     }
@@ -122,7 +154,8 @@ fn the_check_of_a_model_file_holds_the_same_scale() {
                 Some(document) if fact.confidence != "default" => document,
                 _ => continue,
             };
-            let is_manual = is_of && ["manual", "addendum", "distributor-manual"].contains(&kind.as_str());
+            let is_manual =
+                is_of && ["manual", "addendum", "distributor-manual"].contains(&kind.as_str());
             assert!(is_manual || !fact.is_proven(), "{name} {}", fact.key);
         }
     }
@@ -132,39 +165,87 @@ fn the_check_of_a_model_file_holds_the_same_scale() {
 fn what_a_proven_fact_leaves_open_is_named() {
     let mut wrong = Vec::new();
     for (name, text) in &wholes() {
-        for fact in facts_of(text).iter().filter(|fact| fact.is_proven() && fact.not_stated == 0) {
-            let is_open = ["inferred", "not seen", "of the E510", "taken over", " as C", "the rule of", "by the rule"];
+        for fact in facts_of(text)
+            .iter()
+            .filter(|fact| fact.is_proven() && fact.not_stated == 0)
+        {
+            let is_open = [
+                "inferred",
+                "not seen",
+                "of the E510",
+                "taken over",
+                " as C",
+                "the rule of",
+                "by the rule",
+            ];
             if is_open.iter().any(|words| fact.source.contains(words)) {
-                wrong.push(format!("{name} {}{}: {}", fact.key, fact.confidence, fact.source));
+                wrong.push(format!(
+                    "{name} {}{}: {}",
+                    fact.key, fact.confidence, fact.source
+                ));
             }
         }
     }
-    assert!(wrong.is_empty(), "these rest on more than their document:\n{}", wrong.join("\n"));
+    assert!(
+        wrong.is_empty(),
+        "these rest on more than their document:\n{}",
+        wrong.join("\n")
+    );
 }
 
 #[test]
 fn an_example_that_shows_several_bits_states_their_sum_only() {
     let mut wrong = Vec::new();
     for (name, text) in &wholes() {
-        for fact in facts_of(text).iter().filter(|fact| fact.is_proven() && fact.source.contains("example")) {
+        for fact in facts_of(text)
+            .iter()
+            .filter(|fact| fact.is_proven() && fact.source.contains("example"))
+        {
             let states = |word: i64| fact.source.contains(&format!("{word:04X}"));
             let is_bit = fact.key.starts_with("run.bit[") || fact.key.starts_with("status[");
             let is_command = fact.key.starts_with("run.") && !is_bit;
             let is_stated = fact.value.is_some_and(states) && !fact.source.contains("without");
             if is_bit || (is_command && !is_stated) {
-                wrong.push(format!("{name} {}{}: {}", fact.key, fact.confidence, fact.source));
+                wrong.push(format!(
+                    "{name} {}{}: {}",
+                    fact.key, fact.confidence, fact.source
+                ));
             }
         }
     }
-    assert!(wrong.is_empty(), "these read more out of an example than it shows:\n{}", wrong.join("\n"));
+    assert!(
+        wrong.is_empty(),
+        "these read more out of an example than it shows:\n{}",
+        wrong.join("\n")
+    );
 }
 
 #[test]
 fn what_is_inferred_says_what_of_it() {
-    let says = ["inferred", "taken over", "neighbours", "twin", "leftover", "relative", "computed", "not seen"];
-    for (name, text) in wholes().iter().filter(|(name, _)| crate::vendors::reviewed().contains(name)) {
-        for fact in facts_of(text).iter().filter(|fact| fact.confidence == "inferred") {
-            assert!(says.iter().any(|word| fact.source.contains(word)), "{name} {}: {}", fact.key, fact.source);
+    let says = [
+        "inferred",
+        "taken over",
+        "neighbours",
+        "twin",
+        "leftover",
+        "relative",
+        "computed",
+        "not seen",
+    ];
+    for (name, text) in wholes()
+        .iter()
+        .filter(|(name, _)| crate::vendors::reviewed().contains(name))
+    {
+        for fact in facts_of(text)
+            .iter()
+            .filter(|fact| fact.confidence == "inferred")
+        {
+            assert!(
+                says.iter().any(|word| fact.source.contains(word)),
+                "{name} {}: {}",
+                fact.key,
+                fact.source
+            );
         }
     }
 }

@@ -30,17 +30,31 @@ impl Wire {
     /// Of hexadecimal digits, with or without blanks, or of an ASCII frame that begins with a colon.
     fn of(text: &str) -> Self {
         let (digits, check_bytes) = match text.strip_prefix(':') {
-            Some(ascii) => (ascii.strip_suffix("\r\n").expect("an ASCII frame ends with CR LF").to_owned(), 1),
+            Some(ascii) => (
+                ascii
+                    .strip_suffix("\r\n")
+                    .expect("an ASCII frame ends with CR LF")
+                    .to_owned(),
+                1,
+            ),
             None => (text.replace(' ', ""), 2),
         };
         let hex = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).unwrap();
         let mut body: Vec<u8> = (0..digits.len()).step_by(2).map(hex).collect();
         let check = body.split_off(body.len() - check_bytes);
         let right_check = match check_bytes {
-            1 => vec![body.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()],
+            1 => vec![
+                body.iter()
+                    .fold(0_u8, |sum, byte| sum.wrapping_add(*byte))
+                    .wrapping_neg(),
+            ],
             _ => crc::modbus(&body).to_le_bytes().to_vec(),
         };
-        Self { body, check, right_check }
+        Self {
+            body,
+            check,
+            right_check,
+        }
     }
 
     fn is_sound(&self) -> bool {
@@ -61,7 +75,10 @@ impl Wire {
     }
 
     fn words_from(&self, at: usize) -> Vec<u16> {
-        self.body[at..].chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()
+        self.body[at..]
+            .chunks_exact(2)
+            .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
+            .collect()
     }
 
     /// The code of an exception reply.
@@ -96,7 +113,10 @@ fn number(value: &Value) -> Option<u16> {
     match value {
         Value::Number(number) => u16::try_from(number.as_u64()?).ok(),
         Value::String(text) => {
-            let digits = text.trim_start_matches("0x").trim_end_matches('H').replace(' ', "");
+            let digits = text
+                .trim_start_matches("0x")
+                .trim_end_matches('H')
+                .replace(' ', "");
             Some(u16::from_str_radix(&digits, 16).unwrap_or_else(|_| panic!("{text}")))
         }
         _ => None,
@@ -133,17 +153,34 @@ impl Frame {
         let is_teco_or_frecon = row["mode"].is_string();
         let first = |keys: &[&str]| keys.iter().find_map(|key| number(&decoded[*key]));
         let (station, address, raw, value) = if is_teco_or_frecon {
-            (first(&["address"]), first(&["start", "register"]), &["values", "value"][..], &decoded["hz"])
+            (
+                first(&["address"]),
+                first(&["start", "register"]),
+                &["values", "value"][..],
+                &decoded["hz"],
+            )
         } else {
-            (first(&["station", "unit"]), first(&["address"]), &["raw", "words"][..], &decoded["value"])
+            (
+                first(&["station", "unit"]),
+                first(&["address"]),
+                &["raw", "words"][..],
+                &decoded["value"],
+            )
         };
-        let raw = raw.iter().map(|key| numbers(&decoded[*key])).find(|list| !list.is_empty()).unwrap_or_default();
+        let raw = raw
+            .iter()
+            .map(|key| numbers(&decoded[*key]))
+            .find(|list| !list.is_empty())
+            .unwrap_or_default();
         Self {
             what: format!("{}: {}", row["drive"], row["what"]),
             model: model_of(row["drive"].as_str().unwrap()),
             request: wire("request").unwrap(),
             response: wire("response"),
-            is_valid: row["valid_crc"].as_bool().or(row["valid_check"].as_bool()).unwrap(),
+            is_valid: row["valid_crc"]
+                .as_bool()
+                .or(row["valid_check"].as_bool())
+                .unwrap(),
             right_check: match first(&["correct_lrc"]) {
                 Some(lrc) => Some(vec![lrc as u8]),
                 None => number(&decoded["correct_crc"]).map(|crc| crc.to_be_bytes().to_vec()),
@@ -161,7 +198,9 @@ impl Frame {
     }
 
     fn wires(&self) -> impl Iterator<Item = &Wire> {
-        [Some(&self.request), self.response.as_ref()].into_iter().flatten()
+        [Some(&self.request), self.response.as_ref()]
+            .into_iter()
+            .flatten()
     }
 
     /// The words that the exchange carries: those read, else those written.
@@ -176,7 +215,11 @@ impl Frame {
 }
 
 fn rows(text: &str) -> Vec<Value> {
-    serde_json::from_str::<Value>(text).unwrap().as_array().unwrap().clone()
+    serde_json::from_str::<Value>(text)
+        .unwrap()
+        .as_array()
+        .unwrap()
+        .clone()
 }
 
 /// The frames of all collections that are Modbus.
@@ -186,19 +229,33 @@ fn frames() -> Vec<Frame> {
         include_str!("../../../tests/data/teco-frecon-frames.json"),
         include_str!("../../../tests/data/toshiba-frames.json"),
     ];
-    let rows = all.into_iter().flat_map(rows).filter(|row| row["decoded"]["start"] != "2F");
+    let rows = all
+        .into_iter()
+        .flat_map(rows)
+        .filter(|row| row["decoded"]["start"] != "2F");
     rows.map(|row| Frame::of(&row)).collect()
 }
 
 #[test]
 fn the_collections_are_whole() {
     let frames = frames();
-    let of = |id: &str| frames.iter().filter(|it| it.model.as_ref().is_some_and(|model| model.id == id)).count();
+    let of = |id: &str| {
+        frames
+            .iter()
+            .filter(|it| it.model.as_ref().is_some_and(|model| model.id == id))
+            .count()
+    };
     assert_eq!((of("hyundai-n700"), of("hyundai-n100plus")), (24, 15));
     assert_eq!((of("toshiba-vf-as1"), of("toshiba-vf-s15")), (17, 15));
-    assert_eq!((of("teco-e510"), of("teco-e510s"), of("frecon-fr500a")), (15, 15, 15));
+    assert_eq!(
+        (of("teco-e510"), of("teco-e510s"), of("frecon-fr500a")),
+        (15, 15, 15)
+    );
     assert_eq!(frames.len(), 39 + 52 + 36 - 4);
-    assert_eq!(frames.iter().filter(|frame| !frame.is_valid).count(), 6 + 7 + 1);
+    assert_eq!(
+        frames.iter().filter(|frame| !frame.is_valid).count(),
+        6 + 7 + 1
+    );
 }
 
 #[test]
@@ -212,10 +269,18 @@ fn a_check_is_right_where_the_collection_says_so() {
         assert!(wrong.len() <= 1, "{}", frame.what);
         if let Some(correct) = &frame.correct {
             assert!(correct.is_sound(), "{}", frame.what);
-            assert_ne!((&correct.body, &correct.check), (&frame.request.body, &frame.request.check), "{}", frame.what);
+            assert_ne!(
+                (&correct.body, &correct.check),
+                (&frame.request.body, &frame.request.check),
+                "{}",
+                frame.what
+            );
         }
         if let Some(lrc) = number(&frame.decoded["lrc"]) {
-            let shown = frame.wires().map(|wire| wire.check.clone()).collect::<Vec<_>>();
+            let shown = frame
+                .wires()
+                .map(|wire| wire.check.clone())
+                .collect::<Vec<_>>();
             assert!(shown.contains(&vec![lrc as u8]), "{}", frame.what);
         }
     }
@@ -251,11 +316,19 @@ fn frames_say_what_the_collection_says() {
 fn a_write_is_answered_by_its_echo() {
     let mut seen = 0;
     for frame in frames() {
-        let Some(response) = frame.response.as_ref().filter(|it| it.exception().is_none()) else { continue };
+        let Some(response) = frame
+            .response
+            .as_ref()
+            .filter(|it| it.exception().is_none())
+        else {
+            continue;
+        };
         match frame.request.function() {
             6 | 8 => assert_eq!(response.body, frame.request.body, "{}", frame.what),
             // The misprinted command has another start than its answer.
-            0x10 if frame.is_valid => assert_eq!(response.body, frame.request.body[..6], "{}", frame.what),
+            0x10 if frame.is_valid => {
+                assert_eq!(response.body, frame.request.body[..6], "{}", frame.what)
+            }
             _ => continue,
         }
         seen += 1;
@@ -273,8 +346,15 @@ fn models_know_the_registers_of_the_frames() {
         }
         let address = frame.request.word(2);
         let is_known = model.register_at(address).is_some();
-        let on_purpose = NOT_LISTED.iter().find(|(id, at)| (*id, *at) == (model.id.as_str(), address));
-        assert_eq!(is_known, on_purpose.is_none(), "{}: 0x{address:04X}", frame.what);
+        let on_purpose = NOT_LISTED
+            .iter()
+            .find(|(id, at)| (*id, *at) == (model.id.as_str(), address));
+        assert_eq!(
+            is_known,
+            on_purpose.is_none(),
+            "{}: 0x{address:04X}",
+            frame.what
+        );
         unlisted.extend(on_purpose);
     }
     assert_eq!(unlisted.len(), NOT_LISTED.len());
@@ -297,7 +377,10 @@ fn words_mean_what_the_collection_says() {
             let word = frame.carried()[usize::from(address - frame.request.word(2))];
             Scaled::from_word(word, model.register_at(address).unwrap()).value()
         };
-        if let Some(value) = frame.value.filter(|_| model.register_at(frame.request.word(2)).is_some()) {
+        if let Some(value) = frame
+            .value
+            .filter(|_| model.register_at(frame.request.word(2)).is_some())
+        {
             assert_eq!(value_at(frame.request.word(2)), value, "{}", frame.what);
             seen += 1;
         }
@@ -314,14 +397,20 @@ fn words_mean_what_the_collection_says() {
 #[test]
 fn models_serve_what_is_answered_and_name_what_is_refused() {
     for frame in frames() {
-        let (Some(model), Some(response)) = (&frame.model, &frame.response) else { continue };
+        let (Some(model), Some(response)) = (&frame.model, &frame.response) else {
+            continue;
+        };
         let function = frame.request.function();
         match response.exception() {
             None => assert!(model.serves(function), "{}", frame.what),
             Some(1) => assert!(!model.serves(function), "{}", frame.what),
             Some(code) => assert!(model.exception_text(code as u8).is_some(), "{}", frame.what),
         }
-        assert!(function != 3 || frame.exception.is_some() || is_one_read(model, &frame.request), "{}", frame.what);
+        assert!(
+            function != 3 || frame.exception.is_some() || is_one_read(model, &frame.request),
+            "{}",
+            frame.what
+        );
     }
 }
 
@@ -340,13 +429,22 @@ fn run_words_of_the_frames_are_commands_of_the_models() {
             continue;
         }
         let word = frame.request.word(4);
-        let place = run_words(model).iter().position(|known| known.is_some_and(|(it, _)| it == word));
+        let place = run_words(model)
+            .iter()
+            .position(|known| known.is_some_and(|(it, _)| it == word));
         let names = ["stop", "forward", "reverse", "coast", "reset", "release"];
-        seen.push((model.id.clone(), word, place.map_or("none", |place| names[place])));
+        seen.push((
+            model.id.clone(),
+            word,
+            place.map_or("none", |place| names[place]),
+        ));
     }
     seen.sort_unstable();
     seen.dedup();
-    let seen: Vec<_> = seen.iter().map(|(id, word, name)| (id.as_str(), *word, *name)).collect();
+    let seen: Vec<_> = seen
+        .iter()
+        .map(|(id, word, name)| (id.as_str(), *word, *name))
+        .collect();
     assert_eq!(
         seen,
         [
@@ -378,11 +476,16 @@ fn run_words_of_the_frames_are_commands_of_the_models() {
 #[test]
 fn the_vendors_own_protocol_is_no_modbus() {
     let rows = rows(include_str!("../../../tests/data/toshiba-frames.json"));
-    let rows: Vec<_> = rows.iter().filter(|row| row["decoded"]["start"] == "2F").collect();
+    let rows: Vec<_> = rows
+        .iter()
+        .filter(|row| row["decoded"]["start"] == "2F")
+        .collect();
     assert_eq!(rows.len(), 4);
     for row in rows {
         for key in ["request", "response"] {
-            let Some(wire) = row[key].as_str().map(Wire::of) else { continue };
+            let Some(wire) = row[key].as_str().map(Wire::of) else {
+                continue;
+            };
             assert!(!wire.is_sound(), "{}", row["what"]);
             // Its check is the sum of all bytes before it.
             let mut bytes = [wire.body, wire.check].concat();

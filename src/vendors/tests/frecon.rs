@@ -125,9 +125,17 @@ fn registers_are_those_of_the_manual() {
     let model = fr500a();
     assert_registers(&model, &REGISTERS);
     // The sign of the speeds 3005H and 3021H and of the torque 301FH is not stated.
-    assert_eq!(signed(&model), [0x2004, 0x3004, 0x3005, 0x3011, 0x3017, 0x301F, 0x3021]);
-    assert_eq!(back_doors(&model), [0x0108, 0x0109, 0x010A, 0x2002, 0x2003, 0x2004]);
-    let ram = addresses(&model, |it| it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address.number()));
+    assert_eq!(
+        signed(&model),
+        [0x2004, 0x3004, 0x3005, 0x3011, 0x3017, 0x301F, 0x3021]
+    );
+    assert_eq!(
+        back_doors(&model),
+        [0x0108, 0x0109, 0x010A, 0x2002, 0x2003, 0x2004]
+    );
+    let ram = addresses(&model, |it| {
+        it.access == ReadWrite || [0x2000, 0x2001].contains(&it.address.number())
+    });
     assert_eq!(in_memory(&model, Memory::Ram), ram);
     assert_eq!(in_memory(&model, Memory::Stored), NOTHING);
     assert_eq!(
@@ -142,7 +150,10 @@ fn registers_are_those_of_the_manual() {
             (0x2004, -3000..=3000)
         ]
     );
-    assert_eq!(meanings(&model, 0x0F01), [(0, "8N2"), (1, "8E1"), (2, "8O1"), (3, "8N1")]);
+    assert_eq!(
+        meanings(&model, 0x0F01),
+        [(0, "8N2"), (1, "8E1"), (2, "8O1"), (3, "8N1")]
+    );
     assert_eq!(meanings(&model, 0x020C), [(0, "ramp"), (1, "coast")]);
     assert_eq!(meanings(&model, 0x0F00).len(), 6);
 }
@@ -150,7 +161,10 @@ fn registers_are_those_of_the_manual() {
 #[test]
 fn registers_have_their_uses() {
     let model = fr500a();
-    let history = [0x3105, 0x310A].into_iter().chain(0x310F..=0x3119).map(|address| (Role::TripHistory, address));
+    let history = [0x3105, 0x310A]
+        .into_iter()
+        .chain(0x310F..=0x3119)
+        .map(|address| (Role::TripHistory, address));
     let single = [
         (Role::FrequencySource, 0x0101),
         (Role::RunSource, 0x0200),
@@ -173,13 +187,29 @@ fn registers_have_their_uses() {
         (Role::TripCurrent, 0x3102),
         (Role::TripDcLinkVoltage, 0x3103),
     ];
-    assert_roles(&model, &single.into_iter().chain(history).collect::<Vec<_>>());
-    let fast: Vec<u16> = [0x2100, 0x2101].into_iter().chain(0x3000..=0x3007).collect();
+    assert_roles(
+        &model,
+        &single.into_iter().chain(history).collect::<Vec<_>>(),
+    );
+    let fast: Vec<u16> = [0x2100, 0x2101]
+        .into_iter()
+        .chain(0x3000..=0x3007)
+        .collect();
     assert_eq!(polled(&model, PollClass::Fast), fast);
     assert_eq!(polled(&model, PollClass::Second), NOTHING);
-    assert_eq!(polled(&model, PollClass::Slow), [0x0101, 0x0200, 0x3017, 0x301B, 0x301F]);
-    assert_eq!(polled(&model, PollClass::Hourly), [0x0014, 0x0015, 0x0016, 0x0017]);
-    assert_eq!(polled(&model, PollClass::Minutely), [0x0B0B, 0x0F03, 0x3023], "its watchdog, and energy");
+    assert_eq!(
+        polled(&model, PollClass::Slow),
+        [0x0101, 0x0200, 0x3017, 0x301B, 0x301F]
+    );
+    assert_eq!(
+        polled(&model, PollClass::Hourly),
+        [0x0014, 0x0015, 0x0016, 0x0017]
+    );
+    assert_eq!(
+        polled(&model, PollClass::Minutely),
+        [0x0B0B, 0x0F03, 0x3023],
+        "its watchdog, and energy"
+    );
 }
 
 #[test]
@@ -189,18 +219,39 @@ fn the_link_is_that_of_the_manual() {
     // The appendix says 8N1; the table of parameters, which the drive follows, 8N2.
     assert_eq!(
         parts(&link.default),
-        (Factory::Set(LinkSettings { stop_bits: 2, ..LinkSettings::DEFAULT }), SecondSource)
+        (
+            Factory::Set(LinkSettings {
+                stop_bits: 2,
+                ..LinkSettings::DEFAULT
+            }),
+            SecondSource
+        )
     );
     assert!(link.default.source.contains("8N1"));
-    assert_eq!(parts(&link.bauds), (vec![4800, 9600, 19_200, 38_400, 57_600, 115_200], SecondSource));
-    assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], SecondSource));
+    assert_eq!(
+        parts(&link.bauds),
+        (
+            vec![4800, 9600, 19_200, 38_400, 57_600, 115_200],
+            SecondSource
+        )
+    );
+    assert_eq!(
+        parts(&link.parities),
+        (vec![Parity::None, Parity::Even, Parity::Odd], SecondSource)
+    );
     assert_eq!(parts(&link.stop_bits), (vec![1, 2], SecondSource));
     assert_eq!(parts(&link.data_bits), (vec![8], SecondSource));
     assert_eq!(parts(&link.framings), (vec![Framing::Rtu], SecondSource));
-    assert_eq!(parts(&link.interfaces), (vec![Interface::Rs485], SecondSource));
+    assert_eq!(
+        parts(&link.interfaces),
+        (vec![Interface::Rs485], SecondSource)
+    );
     assert_eq!(parts(&link.stations), (1..=127, Manual));
     let broadcast = link.broadcast.as_ref().unwrap();
-    assert_eq!((parts(&broadcast.station), &broadcast.functions[..]), ((0, SecondSource), &[0x06][..]));
+    assert_eq!(
+        (parts(&broadcast.station), &broadcast.functions[..]),
+        ((0, SecondSource), &[0x06][..])
+    );
 }
 
 #[test]
@@ -209,33 +260,81 @@ fn times_and_limits_are_those_of_the_manual() {
     assert_eq!(parts(&model.timing.gap_chars), (3.5, Inferred));
     assert_eq!(parts(&model.timing.reply_timeout_cap), (ms(500), Default));
     assert_eq!(parts(&model.timing.max_lateness), (ms(500), Default));
-    assert_eq!(maybe(model.timing.reply_delay_max.as_ref()), Some((ms(200), SecondSource)));
-    assert_eq!((&model.timing.processing_max, &model.timing.stored_write_max), (&None, &None));
+    assert_eq!(
+        maybe(model.timing.reply_delay_max.as_ref()),
+        Some((ms(200), SecondSource))
+    );
+    assert_eq!(
+        (&model.timing.processing_max, &model.timing.stored_write_max),
+        (&None, &None)
+    );
     assert_eq!(model.timing.reply_char_bits, None);
     assert_eq!(parts(&model.functions), (vec![3, 6, 8], SecondSource));
-    assert_eq!((parts(&model.read.max_words), model.read.boundary), ((8, SecondSource), Some(Boundary::HighByte)));
-    assert_eq!(parts(&model.write.refused), (RefusedWrite::Exception, SecondSource));
+    assert_eq!(
+        (parts(&model.read.max_words), model.read.boundary),
+        ((8, SecondSource), Some(Boundary::HighByte))
+    );
+    assert_eq!(
+        parts(&model.write.refused),
+        (RefusedWrite::Exception, SecondSource)
+    );
     assert_eq!(model.write.block, None);
-    let [reads @ .., Barrier::Loop(loop_test)] = &model.barriers[..] else { panic!("{:?}", model.barriers) };
-    assert_eq!(reads, [barrier_read(0x3000, 3), barrier_read(0x3000, 5), barrier_read(0x3000, 1)]);
+    let [reads @ .., Barrier::Loop(loop_test)] = &model.barriers[..] else {
+        panic!("{:?}", model.barriers)
+    };
+    assert_eq!(
+        reads,
+        [
+            barrier_read(0x3000, 3),
+            barrier_read(0x3000, 5),
+            barrier_read(0x3000, 1)
+        ]
+    );
     assert_eq!(loop_test.confidence, Inferred);
     assert_eq!(codes(&model.exceptions), [1, 2, 3, 4, 0x11]);
-    assert!(model.exceptions.iter().all(|it| it.confidence == SecondSource));
+    assert!(
+        model
+            .exceptions
+            .iter()
+            .all(|it| it.confidence == SecondSource)
+    );
     let quirks = &model.quirks;
-    assert_eq!(maybe(quirks.stored_alias_bit.as_ref()), Some((15, SecondSource)));
-    assert_eq!((&quirks.decimal_numbers, &quirks.percent_of_rated), (&None, &None));
-    assert_eq!((&quirks.setpoint_before_run, &quirks.pause_before_request), (&None, &None));
-    assert_eq!((&quirks.deaf_after_power_up, &quirks.deaf_after_reset), (&None, &None));
+    assert_eq!(
+        maybe(quirks.stored_alias_bit.as_ref()),
+        Some((15, SecondSource))
+    );
+    assert_eq!(
+        (&quirks.decimal_numbers, &quirks.percent_of_rated),
+        (&None, &None)
+    );
+    assert_eq!(
+        (&quirks.setpoint_before_run, &quirks.pause_before_request),
+        (&None, &None)
+    );
+    assert_eq!(
+        (&quirks.deaf_after_power_up, &quirks.deaf_after_reset),
+        (&None, &None)
+    );
 }
 
 #[test]
 fn run_commands_are_those_of_the_manual() {
     let model = fr500a();
-    let [stop, forward, reverse, coast, reset] = [5, 1, 2, 6, 7].map(|word| Some((word, SecondSource)));
-    assert_eq!(run_words(&model), [stop, forward, reverse, coast, reset, None]);
+    let [stop, forward, reverse, coast, reset] =
+        [5, 1, 2, 6, 7].map(|word| Some((word, SecondSource)));
+    assert_eq!(
+        run_words(&model),
+        [stop, forward, reverse, coast, reset, None]
+    );
     let run = model.run.as_ref().unwrap();
-    assert_eq!((&run.form, run.reset_words()), (&RunForm::Values, vec![5, 7]));
-    assert_eq!(run.never.iter().map(parts).collect::<Vec<_>>(), [(3, SecondSource), (4, SecondSource)]);
+    assert_eq!(
+        (&run.form, run.reset_words()),
+        (&RunForm::Values, vec![5, 7])
+    );
+    assert_eq!(
+        run.never.iter().map(parts).collect::<Vec<_>>(),
+        [(3, SecondSource), (4, SecondSource)]
+    );
 }
 
 #[test]
@@ -254,7 +353,11 @@ fn the_state_is_that_of_the_manual() {
     );
     // Running forward, the sign of the reference negative, run command from the terminals.
     let holds = |flag, word| model.status_flag(flag).unwrap().holds(word);
-    assert!(!holds(Flag::Reverse, 0b0101) && !holds(Flag::BusRun, 0b0101) && holds(Flag::BusRun, 0b1010));
+    assert!(
+        !holds(Flag::Reverse, 0b0101)
+            && !holds(Flag::BusRun, 0b0101)
+            && holds(Flag::BusRun, 0b1010)
+    );
 }
 
 #[test]
@@ -262,7 +365,12 @@ fn trips_setup_and_codes_are_those_of_the_manual() {
     let model = fr500a();
     let listed: Vec<u16> = (1..=30).chain(36..=41).chain([44]).collect();
     assert_eq!(codes(&model.trip_codes), listed);
-    assert!(model.trip_codes.iter().all(|it| it.confidence == SecondSource));
+    assert!(
+        model
+            .trip_codes
+            .iter()
+            .all(|it| it.confidence == SecondSource)
+    );
     assert_eq!(model.trip_text(18).unwrap().text, "communication time-out");
     assert_eq!(
         setup(&model),
@@ -274,11 +382,21 @@ fn trips_setup_and_codes_are_those_of_the_manual() {
     );
     let watchdog = model.watchdog.as_ref().unwrap();
     assert_eq!(
-        (watchdog.time.number(), parts(&watchdog.off), watchdog.action.map(Address::number)),
+        (
+            watchdog.time.number(),
+            parts(&watchdog.off),
+            watchdog.action.map(Address::number)
+        ),
         (0x0F03, (0, Inferred), Some(0x0B0B))
     );
     let rule = model.codes.as_ref().unwrap();
-    assert_eq!((rule.address("F01.02"), rule.address("F22.99")), (Some(0x0102), Some(0x1663)));
-    assert_eq!((rule.address("F31.00"), rule.address("U01.25")), (Some(0x1F00), Some(0x3119)));
+    assert_eq!(
+        (rule.address("F01.02"), rule.address("F22.99")),
+        (Some(0x0102), Some(0x1663))
+    );
+    assert_eq!(
+        (rule.address("F31.00"), rule.address("U01.25")),
+        (Some(0x1F00), Some(0x3119))
+    );
     assert_eq!(rule.address("F23.00"), None);
 }

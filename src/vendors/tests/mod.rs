@@ -17,7 +17,8 @@ use crate::domain::link::{Framing, Interface, LinkSettings, Parity};
 use crate::domain::units::UnitOfMeasure;
 use crate::profile::catalog::Catalog;
 use crate::profile::model::{
-    Access, Barrier, BarrierRead, CodeText, Confidence, Fact, Flag, Memory, Model, PollClass, Register, Role, RunForm,
+    Access, Barrier, BarrierRead, CodeText, Confidence, Fact, Flag, Memory, Model, PollClass,
+    Register, Role, RunForm,
 };
 use crate::profile::summary::summary;
 use std::ops::RangeInclusive;
@@ -46,13 +47,32 @@ const fn ms(count: u64) -> Duration {
 }
 
 /// Address, code, scale, unit, access and confidence of a register.
-type Row = (u16, Option<&'static str>, u32, UnitOfMeasure, Access, Confidence);
+type Row = (
+    u16,
+    Option<&'static str>,
+    u32,
+    UnitOfMeasure,
+    Access,
+    Confidence,
+);
 
 #[track_caller]
 fn assert_registers(model: &Model, rows: &[Row]) {
-    let row = |it: &Register| (it.address.number(), it.code.clone(), it.scale, it.unit, it.access, it.confidence);
+    let row = |it: &Register| {
+        (
+            it.address.number(),
+            it.code.clone(),
+            it.scale,
+            it.unit,
+            it.access,
+            it.confidence,
+        )
+    };
     let found: Vec<_> = model.registers.iter().map(row).collect();
-    let expected: Vec<_> = rows.iter().map(|it| (it.0, it.1.map(str::to_owned), it.2, it.3, it.4, it.5)).collect();
+    let expected: Vec<_> = rows
+        .iter()
+        .map(|it| (it.0, it.1.map(str::to_owned), it.2, it.3, it.4, it.5))
+        .collect();
     for (found, expected) in found.iter().zip(&expected) {
         assert_eq!(found, expected);
     }
@@ -61,7 +81,11 @@ fn assert_registers(model: &Model, rows: &[Row]) {
 
 /// Where each role is; a role that several registers have comes several times.
 fn roles(model: &Model) -> Vec<(Role, u16)> {
-    let mut roles: Vec<_> = model.registers.iter().filter_map(|it| Some((it.role?, it.address.number()))).collect();
+    let mut roles: Vec<_> = model
+        .registers
+        .iter()
+        .filter_map(|it| Some((it.role?, it.address.number())))
+        .collect();
     roles.sort_unstable();
     roles
 }
@@ -75,7 +99,12 @@ fn assert_roles(model: &Model, expected: &[(Role, u16)]) {
 
 /// The addresses of the registers for which `is` holds.
 fn addresses(model: &Model, is: impl Fn(&Register) -> bool) -> Vec<u16> {
-    model.registers.iter().filter(|register| is(register)).map(|register| register.address.number()).collect()
+    model
+        .registers
+        .iter()
+        .filter(|register| is(register))
+        .map(|register| register.address.number())
+        .collect()
 }
 
 fn polled(model: &Model, class: PollClass) -> Vec<u16> {
@@ -95,13 +124,22 @@ fn signed(model: &Model) -> Vec<u16> {
 }
 
 fn ranges(model: &Model) -> Vec<(u16, RangeInclusive<i32>)> {
-    model.registers.iter().filter_map(|it| Some((it.address.number(), it.range.clone()?))).collect()
+    model
+        .registers
+        .iter()
+        .filter_map(|it| Some((it.address.number(), it.range.clone()?)))
+        .collect()
 }
 
 /// What the words of the register at `address` mean.
 fn meanings(model: &Model, address: u16) -> Vec<(u16, &str)> {
-    let mut meanings: Vec<_> =
-        model.register_at(address).unwrap().meanings.iter().map(|(code, text)| (*code, text.as_str())).collect();
+    let mut meanings: Vec<_> = model
+        .register_at(address)
+        .unwrap()
+        .meanings
+        .iter()
+        .map(|(code, text)| (*code, text.as_str()))
+        .collect();
     meanings.sort_unstable();
     meanings
 }
@@ -110,7 +148,19 @@ fn meanings(model: &Model, address: u16) -> Vec<(u16, &str)> {
 type StatusRow = (Flag, u16, u16, Vec<u16>, Confidence);
 
 fn status(model: &Model) -> Vec<StatusRow> {
-    model.status.iter().map(|it| (it.flag, it.address.number(), it.mask, it.values.clone(), it.confidence)).collect()
+    model
+        .status
+        .iter()
+        .map(|it| {
+            (
+                it.flag,
+                it.address.number(),
+                it.mask,
+                it.values.clone(),
+                it.confidence,
+            )
+        })
+        .collect()
 }
 
 fn codes(texts: &[CodeText]) -> Vec<u16> {
@@ -122,7 +172,14 @@ fn setup(model: &Model) -> Vec<(&str, Option<u16>, &[u16], Confidence)> {
     model
         .setup
         .iter()
-        .map(|it| (it.what.as_str(), it.address.map(Address::number), &it.values.value[..], it.values.confidence))
+        .map(|it| {
+            (
+                it.what.as_str(),
+                it.address.map(Address::number),
+                &it.values.value[..],
+                it.values.confidence,
+            )
+        })
         .collect()
 }
 
@@ -143,7 +200,10 @@ fn run_words(model: &Model) -> RunWords {
 }
 
 fn barrier_read(address: u16, count: u16) -> Barrier {
-    Barrier::Read(BarrierRead { address: address.into(), count })
+    Barrier::Read(BarrierRead {
+        address: address.into(),
+        count,
+    })
 }
 
 #[test]
@@ -155,11 +215,23 @@ fn run_state_and_trips_are_in_the_fast_class_of_every_model() {
         let is_seen = output.map_or(model.run.is_none(), |it| class(it) == Some(PollClass::Fast));
         assert!(is_seen, "{}", model.id);
         for flag in [Flag::Running, Flag::Stopping, Flag::Reverse, Flag::Tripped] {
-            let register = model.status_flag(flag).map(|flag| model.readable_at(flag.address).unwrap());
-            assert!(register.is_none_or(|it| class(it) == Some(PollClass::Fast)), "{} {flag:?}", model.id);
+            let register = model
+                .status_flag(flag)
+                .map(|flag| model.readable_at(flag.address).unwrap());
+            assert!(
+                register.is_none_or(|it| class(it) == Some(PollClass::Fast)),
+                "{} {flag:?}",
+                model.id
+            );
         }
-        let Some(trip) = model.trip_register() else { continue };
-        let wanted = if trip.role == Some(Role::TripCount) { PollClass::Second } else { PollClass::Fast };
+        let Some(trip) = model.trip_register() else {
+            continue;
+        };
+        let wanted = if trip.role == Some(Role::TripCount) {
+            PollClass::Second
+        } else {
+            PollClass::Fast
+        };
         assert_eq!(class(trip), Some(wanted), "{}: {}", model.id, trip.name);
     }
 }
@@ -169,11 +241,20 @@ fn every_file_is_sound_and_named_after_its_model() {
     let all = Catalog::from_texts(texts().iter().copied()).unwrap_or_else(|problems| {
         let text = |file: &str| texts().iter().find(|(name, _)| *name == file).unwrap().1;
         let told = problems.iter().map(|(file, it)| {
-            format!("{file}:{}: {}: {}; right: {:?}", it.place_in(text(file)).0, it.key, it.what, it.right)
+            format!(
+                "{file}:{}: {}: {}; right: {:?}",
+                it.place_in(text(file)).0,
+                it.key,
+                it.what,
+                it.right
+            )
         });
         panic!("{}", told.collect::<Vec<_>>().join("\n"))
     });
-    assert_eq!(all.ids().collect::<Vec<_>>(), CATALOG.ids().collect::<Vec<_>>());
+    assert_eq!(
+        all.ids().collect::<Vec<_>>(),
+        CATALOG.ids().collect::<Vec<_>>()
+    );
     assert!(CATALOG.ids().all(|id| CATALOG.find(id) == all.find(id)));
 }
 
@@ -181,7 +262,10 @@ fn every_file_is_sound_and_named_after_its_model() {
 fn every_summary_is_as_it_was_reviewed() {
     for id in CATALOG.ids() {
         let found = summary(&model(id));
-        let path = format!("{}/tests/golden/models/{id}.txt", env!("CARGO_MANIFEST_DIR"));
+        let path = format!(
+            "{}/tests/golden/models/{id}.txt",
+            env!("CARGO_MANIFEST_DIR")
+        );
         if std::env::var_os("UPDATE_GOLDEN").is_some() {
             std::fs::write(&path, &found).unwrap();
         }
@@ -192,9 +276,18 @@ fn every_summary_is_as_it_was_reviewed() {
 #[test]
 fn every_file_of_the_folders_is_built_in() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/vendors");
-    let inside = |path: std::path::PathBuf| std::fs::read_dir(path).into_iter().flatten().map(|it| it.unwrap().path());
-    let files = inside(folder.clone()).flat_map(inside).filter(|path| path.extension().is_some_and(|it| it == "toml"));
-    let mut files: Vec<_> = files.map(|path| path.strip_prefix(&folder).unwrap().display().to_string()).collect();
+    let inside = |path: std::path::PathBuf| {
+        std::fs::read_dir(path)
+            .into_iter()
+            .flatten()
+            .map(|it| it.unwrap().path())
+    };
+    let files = inside(folder.clone())
+        .flat_map(inside)
+        .filter(|path| path.extension().is_some_and(|it| it == "toml"));
+    let mut files: Vec<_> = files
+        .map(|path| path.strip_prefix(&folder).unwrap().display().to_string())
+        .collect();
     let mut built_in: Vec<_> = texts().iter().map(|(file, _)| *file).collect();
     files.sort_unstable();
     built_in.sort_unstable();
@@ -208,12 +301,19 @@ fn what_stop_forward_and_setpoint_rest_on_is_proven_or_has_to_be_accepted() {
         ("hyundai-n100plus", &[]),
         ("hyundai-n700", &[]),
         ("teco-e510", &["stop"]),
-        ("teco-e510s", &["stop", "forward", "the run command's register"]),
+        (
+            "teco-e510s",
+            &["stop", "forward", "the run command's register"],
+        ),
         ("toshiba-vf-as1", &["stop"]),
         ("toshiba-vf-s15", &["stop"]),
     ] {
         let model = model(id);
-        let found: Vec<_> = model.unproven_basics().iter().map(|basic| basic.what).collect();
+        let found: Vec<_> = model
+            .unproven_basics()
+            .iter()
+            .map(|basic| basic.what)
+            .collect();
         assert_eq!(found, unproven, "{id}");
         assert_eq!(model.may_be_ordered(&[]), unproven.is_empty(), "{id}");
         assert!(model.may_be_ordered(&[ControlAction::Basic]), "{id}");
@@ -225,7 +325,9 @@ fn no_jog_is_ever_a_command() {
     for id in CATALOG.ids() {
         let model = model(id);
         let Some(run) = &model.run else { continue };
-        let RunForm::Bits { bits, .. } = &run.form else { continue };
+        let RunForm::Bits { bits, .. } = &run.form else {
+            continue;
+        };
         let dangerous = bits.iter().filter(|bit| {
             use crate::profile::model::BitMeaning::{Jog, Other, Trip};
             matches!(bit.meaning, Jog | Other | Trip)

@@ -57,52 +57,118 @@ fn n700_registers_have_their_uses() {
         (Role::RunSource, 0x0212),
     ];
     for (role, address) in roles {
-        assert_eq!(model.register_for(role).unwrap().address, address, "{role:?}");
+        assert_eq!(
+            model.register_for(role).unwrap().address,
+            address,
+            "{role:?}"
+        );
     }
-    let polled: Vec<_> = model.registers.iter().filter_map(|it| Some((it.address.number(), it.poll?))).collect();
+    let polled: Vec<_> = model
+        .registers
+        .iter()
+        .filter_map(|it| Some((it.address.number(), it.poll?)))
+        .collect();
     let (fast, slow) = (PollClass::Fast, PollClass::Slow);
-    assert_eq!(polled, [(0x0101, fast), (0x0112, PollClass::Second), (0x0201, slow), (0x0211, slow), (0x0212, slow)]);
-    let trip = ["trip_count", "trip_cause", "trip_frequency", "trip_current", "trip_dc_voltage"];
+    assert_eq!(
+        polled,
+        [
+            (0x0101, fast),
+            (0x0112, PollClass::Second),
+            (0x0201, slow),
+            (0x0211, slow),
+            (0x0212, slow)
+        ]
+    );
+    let trip = [
+        "trip_count",
+        "trip_cause",
+        "trip_frequency",
+        "trip_current",
+        "trip_dc_voltage",
+    ];
     for (name, address) in trip.into_iter().zip(0x0112..) {
         assert_eq!(model.register_named(name).unwrap().address, address);
     }
-    assert_eq!(model.register_named("f007").unwrap().name, "acceleration_time");
+    assert_eq!(
+        model.register_named("f007").unwrap().name,
+        "acceleration_time"
+    );
 }
 
 #[test]
 fn n700_link_is_that_of_the_manual() {
     let link = &n700().link;
-    assert_eq!(parts(&link.default), (Factory::Set(LinkSettings::DEFAULT), Manual));
-    assert_eq!(parts(&link.bauds), (vec![2400, 4800, 9600, 19_200, 38_400], Manual));
-    assert_eq!(parts(&link.parities), (vec![Parity::None, Parity::Even, Parity::Odd], Manual));
+    assert_eq!(
+        parts(&link.default),
+        (Factory::Set(LinkSettings::DEFAULT), Manual)
+    );
+    assert_eq!(
+        parts(&link.bauds),
+        (vec![2400, 4800, 9600, 19_200, 38_400], Manual)
+    );
+    assert_eq!(
+        parts(&link.parities),
+        (vec![Parity::None, Parity::Even, Parity::Odd], Manual)
+    );
     assert_eq!(parts(&link.stop_bits), (vec![1, 2], Manual));
     assert_eq!(parts(&link.data_bits), (vec![8], Manual));
     assert_eq!(parts(&link.framings), (vec![Framing::Rtu], Manual));
-    assert_eq!(parts(&link.interfaces), (vec![Interface::Rs485, Interface::Rs232], Manual));
+    assert_eq!(
+        parts(&link.interfaces),
+        (vec![Interface::Rs485, Interface::Rs232], Manual)
+    );
     assert_eq!(parts(&link.stations), (1..=32, Manual));
     let broadcast = link.broadcast.as_ref().unwrap();
-    assert_eq!((parts(&broadcast.station), &broadcast.functions[..]), ((0xFF, Manual), &[0x06][..]));
+    assert_eq!(
+        (parts(&broadcast.station), &broadcast.functions[..]),
+        ((0xFF, Manual), &[0x06][..])
+    );
 }
 
 #[test]
 fn n700_times_and_limits_are_those_of_the_manual() {
     let model = n700();
     assert_eq!(parts(&model.timing.gap_chars), (4.5, Manual));
-    assert_eq!(parts(&model.timing.reply_timeout_cap), (Duration::from_millis(500), Default));
-    assert_eq!(parts(&model.timing.max_lateness), (Duration::from_millis(500), Default));
+    assert_eq!(
+        parts(&model.timing.reply_timeout_cap),
+        (Duration::from_millis(500), Default)
+    );
+    assert_eq!(
+        parts(&model.timing.max_lateness),
+        (Duration::from_millis(500), Default)
+    );
     assert_eq!(model.timing.processing_max, None);
-    assert_eq!((parts(&model.read.max_words), model.read.boundary), ((8, Manual), Some(Boundary::HighByte)));
-    assert_eq!((model.words_in_one_read(0x0101), model.words_in_one_read(0x01FE)), (8, 2));
-    assert_eq!(parts(&model.write.refused), (RefusedWrite::KeepsOldValue, Inferred));
-    let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)]
-        .map(|(address, count)| Barrier::Read(BarrierRead { address: address.into(), count }));
+    assert_eq!(
+        (parts(&model.read.max_words), model.read.boundary),
+        ((8, Manual), Some(Boundary::HighByte))
+    );
+    assert_eq!(
+        (
+            model.words_in_one_read(0x0101),
+            model.words_in_one_read(0x01FE)
+        ),
+        (8, 2)
+    );
+    assert_eq!(
+        parts(&model.write.refused),
+        (RefusedWrite::KeepsOldValue, Inferred)
+    );
+    let barriers = [(0x0101, 1), (0x0211, 2), (0x0113, 4)].map(|(address, count)| {
+        Barrier::Read(BarrierRead {
+            address: address.into(),
+            count,
+        })
+    });
     assert_eq!(model.barriers, barriers);
 }
 
 #[test]
 fn n700_run_commands_are_those_of_the_manual() {
     let run = n700().run.clone().unwrap();
-    assert_eq!((parts(&run.stop), parts(&run.forward)), ((0, Manual), (1, Manual)));
+    assert_eq!(
+        (parts(&run.stop), parts(&run.forward)),
+        ((0, Manual), (1, Manual))
+    );
     let others = [run.reverse, run.coast, run.reset].map(|fact| parts(&fact.unwrap()));
     assert_eq!(others, [(2, Manual), (3, Manual), (4, Manual)]);
 }

@@ -12,12 +12,23 @@ fn no_stop_changes_anything_but_the_running_unless_its_documents_show_that_word(
         let Some(run) = &model.run else { continue };
         for direction in BOTH {
             let changed = run.changed_by_stop(direction);
-            assert_eq!(changed, 0, "{}: a stop after {direction:?} changes 0x{changed:04X} as well", model.id);
+            assert_eq!(
+                changed, 0,
+                "{}: a stop after {direction:?} changes 0x{changed:04X} as well",
+                model.id
+            );
         }
         let said = run.stop_bits.keeps | run.stop_bits.drops;
-        let orders = [Some(&run.forward), run.reverse.as_ref()].into_iter().flatten();
+        let orders = [Some(&run.forward), run.reverse.as_ref()]
+            .into_iter()
+            .flatten();
         let differs = orders.fold(0, |all, order| all | (order.value ^ run.stop.value));
-        assert_eq!(said & !differs, 0, "{}: no order has these bits other than the stop", model.id);
+        assert_eq!(
+            said & !differs,
+            0,
+            "{}: no order has these bits other than the stop",
+            model.id
+        );
     }
 }
 
@@ -25,7 +36,8 @@ fn no_stop_changes_anything_but_the_running_unless_its_documents_show_that_word(
 fn a_cfw_that_is_stopped_keeps_its_direction() {
     for id in ["weg-cfw300", "weg-cfw500"] {
         let run = model(id).run.clone().unwrap();
-        let words = [None, Some(Direction::Forward), Some(Direction::Reverse)].map(|after| run.stop_word(after));
+        let words = [None, Some(Direction::Forward), Some(Direction::Reverse)]
+            .map(|after| run.stop_word(after));
         assert_eq!(words, [0x0002, 0x0006, 0x0002], "{id}");
     }
 }

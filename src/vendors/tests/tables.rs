@@ -14,7 +14,10 @@ const END: &str = "<!-- end -->\n";
 fn makers() -> BTreeMap<&'static str, Vec<&'static Model>> {
     let mut makers = BTreeMap::<_, Vec<_>>::new();
     for model in CATALOG.models() {
-        makers.entry(model.vendor.as_str()).or_default().push(&**model);
+        makers
+            .entry(model.vendor.as_str())
+            .or_default()
+            .push(&**model);
     }
     makers
 }
@@ -26,28 +29,54 @@ fn shown(confidence: Option<Confidence>) -> &'static str {
 /// How sure it is where an order is given with the register that it is written to.
 fn of_order(model: &Model, kind: OrderKind) -> Option<Confidence> {
     let (address, fact) = model.order(kind)?;
-    let register =
-        model.writable_at(address).map(|it| it.confidence.max(of_writing(it.not_stated.contains(&FactPart::Writing))));
+    let register = model.writable_at(address).map(|it| {
+        it.confidence
+            .max(of_writing(it.not_stated.contains(&FactPart::Writing)))
+    });
     Some(register.map_or(fact.confidence, |it| it.max(fact.confidence)))
 }
 
 const fn of_writing(is_open: bool) -> Confidence {
-    if is_open { Confidence::Inferred } else { Confidence::Manual }
+    if is_open {
+        Confidence::Inferred
+    } else {
+        Confidence::Manual
+    }
 }
 
 fn row(model: &Model) -> String {
     let order = |kind| shown(of_order(model, kind));
     let role = |role| model.register_for(role).map(|it| it.confidence);
     let flag = |flag| model.status_flag(flag).map(|it| it.confidence);
-    let setpoint = model.run.as_ref().and_then(|_| role(Role::FrequencyCommand));
+    let setpoint = model
+        .run
+        .as_ref()
+        .and_then(|_| role(Role::FrequencyCommand));
     let status = flag(Flag::Running).map_or_else(
-        || role(Role::OutputFrequency).map_or_else(|| "-".to_owned(), |it| format!("output only, {}", it.word())),
+        || {
+            role(Role::OutputFrequency).map_or_else(
+                || "-".to_owned(),
+                |it| format!("output only, {}", it.word()),
+            )
+        },
         |it| it.word().to_owned(),
     );
     let trip = flag(Flag::Tripped).or_else(|| model.trip_register().map(|it| it.confidence));
-    let mut lines: Vec<_> =
-        model.link.interfaces.value.iter().map(|it| word_for(&INTERFACES, it).to_uppercase()).collect();
-    lines.extend(model.link.framings.value.iter().map(|it| word_for(&FRAMINGS, it).to_uppercase()));
+    let mut lines: Vec<_> = model
+        .link
+        .interfaces
+        .value
+        .iter()
+        .map(|it| word_for(&INTERFACES, it).to_uppercase())
+        .collect();
+    lines.extend(
+        model
+            .link
+            .framings
+            .value
+            .iter()
+            .map(|it| word_for(&FRAMINGS, it).to_uppercase()),
+    );
     let orders = match (&model.run, model.unproven_basics().is_empty()) {
         (None, _) => "**only read**",
         (Some(_), true) => "yes",
@@ -77,7 +106,9 @@ fn of_document() -> String {
             "\n### {maker}\n\n| model | drive | line | takes orders | stop | forward | setpoint | reverse | coast | reset | \
              status | trip |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
         );
-        models.into_iter().for_each(|model| text.push_str(&row(model)));
+        models
+            .into_iter()
+            .for_each(|model| text.push_str(&row(model)));
     }
     text + "\n"
 }
@@ -88,11 +119,19 @@ fn of_readme() -> String {
     for (maker, models) in makers() {
         let anchor = maker.to_lowercase().replace(' ', "-");
         let name = |model: &&Model| {
-            let only_read = if model.run.is_none() { " (only read)" } else { "" };
+            let only_read = if model.run.is_none() {
+                " (only read)"
+            } else {
+                ""
+            };
             format!("{}{only_read}", model.title)
         };
         let names: Vec<_> = models.iter().map(name).collect();
-        let _ = writeln!(text, "| [{maker}](docs/drives.md#{anchor}) | {} |", names.join("; "));
+        let _ = writeln!(
+            text,
+            "| [{maker}](docs/drives.md#{anchor}) | {} |",
+            names.join("; ")
+        );
     }
     text + "\n"
 }

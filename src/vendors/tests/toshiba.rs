@@ -3,7 +3,9 @@
 use super::*;
 use crate::domain::units::UnitOfMeasure::{Hertz, None as Plain, Percent, Rpm, Second};
 use crate::profile::model::Access::{Read, ReadWrite, Write};
-use crate::profile::model::BitMeaning::{BusFrequency, BusRun, Coast, Jog, Other, Reset, Reverse, Run, Trip};
+use crate::profile::model::BitMeaning::{
+    BusFrequency, BusRun, Coast, Jog, Other, Reset, Reverse, Run, Trip,
+};
 use crate::profile::model::Confidence::{Default, Inferred, Manual, Sibling, ThirdParty};
 use crate::profile::model::{BitMeaning, CodeRule, Factory, RefusedWrite};
 
@@ -156,14 +158,27 @@ fn registers_are_those_of_the_sheet() {
     for model in [as1(), s15()] {
         assert_eq!(signed(&model), NOTHING);
         assert_eq!(ranges(&model), [(0xF802, 0..=247)]);
-        assert_eq!(in_memory(&model, Memory::Ram), [0xFA00, 0xFA01, 0xFA13, 0xFA20, 0xFA26, 0xFA50, 0xFA51]);
-        assert_eq!(in_memory(&model, Memory::Stored), [0x0009, 0x0010, 0x0011, 0x0012, 0x0013]);
+        assert_eq!(
+            in_memory(&model, Memory::Ram),
+            [0xFA00, 0xFA01, 0xFA13, 0xFA20, 0xFA26, 0xFA50, 0xFA51]
+        );
+        assert_eq!(
+            in_memory(&model, Memory::Stored),
+            [0x0009, 0x0010, 0x0011, 0x0012, 0x0013]
+        );
     }
     let limits = [0x0011, 0x0012, 0x0013];
     let commands = [0xFA13, 0xFA20, 0xFA26, 0xFA50, 0xFA51];
     assert_eq!(back_doors(&as1()), [&limits[..], &commands].concat());
-    assert_eq!(back_doors(&s15()), [&limits[..], &[0x1870, 0x1871, 0xF870, 0xF871], &commands].concat());
-    let selects = [(0, "none"), (1, "FA00, run command"), (3, "FA01, frequency command")];
+    assert_eq!(
+        back_doors(&s15()),
+        [&limits[..], &[0x1870, 0x1871, 0xF870, 0xF871], &commands].concat()
+    );
+    let selects = [
+        (0, "none"),
+        (1, "FA00, run command"),
+        (3, "FA01, frequency command"),
+    ];
     assert_eq!(meanings(&s15(), 0xF870), selects);
 }
 
@@ -196,26 +211,43 @@ fn registers_have_their_uses() {
         // The command can be read back, so it is the setting as well.
         assert_eq!(model.setting_register().unwrap().address, 0xFA01);
         assert_eq!(polled(&model, PollClass::Fast), [0xFD00, 0xFD01]);
-        assert_eq!(polled(&model, PollClass::Slow), [0xFC90, 0xFD03, 0xFD04, 0xFD05]);
-        assert_eq!(polled(&model, PollClass::Hourly), [0xFB05, 0xFE14, 0xFE70, 0xFE71]);
+        assert_eq!(
+            polled(&model, PollClass::Slow),
+            [0xFC90, 0xFD03, 0xFD04, 0xFD05]
+        );
+        assert_eq!(
+            polled(&model, PollClass::Hourly),
+            [0xFB05, 0xFE14, 0xFE70, 0xFE71]
+        );
     }
 }
 
 #[test]
 fn the_link_is_that_of_the_manuals() {
-    let even = LinkSettings { baud: 19_200, data_bits: 8, parity: Parity::Even, stop_bits: 1 };
+    let even = LinkSettings {
+        baud: 19_200,
+        data_bits: 8,
+        parity: Parity::Even,
+        stop_bits: 1,
+    };
     for (model, of_the_s15) in [(as1(), Sibling), (s15(), Manual)] {
         let link = &model.link;
         assert_eq!(parts(&link.default), (Factory::Set(even), Manual));
         assert_eq!(parts(&link.bauds), (vec![9600, 19_200, 38_400], Manual));
-        assert_eq!(parts(&link.parities), (vec![Parity::Even, Parity::Odd, Parity::None], Manual));
+        assert_eq!(
+            parts(&link.parities),
+            (vec![Parity::Even, Parity::Odd, Parity::None], Manual)
+        );
         assert_eq!(parts(&link.stop_bits), (vec![1, 2], Manual));
         assert_eq!(parts(&link.data_bits), (vec![8], Manual));
         assert_eq!(parts(&link.framings), (vec![Framing::Rtu], Manual));
         assert_eq!(parts(&link.interfaces), (vec![Interface::Rs485], Manual));
         assert_eq!(parts(&link.stations), (1..=247, of_the_s15));
         let broadcast = link.broadcast.as_ref().unwrap();
-        assert_eq!((parts(&broadcast.station), &broadcast.functions[..]), ((0, of_the_s15), &[0x06][..]));
+        assert_eq!(
+            (parts(&broadcast.station), &broadcast.functions[..]),
+            ((0, of_the_s15), &[0x06][..])
+        );
     }
 }
 
@@ -225,23 +257,49 @@ fn times_and_limits_are_those_of_the_manuals() {
         assert_eq!(parts(&model.timing.gap_chars), (3.5, Manual));
         assert_eq!(parts(&model.timing.reply_timeout_cap), (ms(500), Default));
         assert_eq!(parts(&model.timing.max_lateness), (ms(500), Default));
-        assert_eq!(maybe(model.timing.reply_char_bits.as_ref()), Some((12, Manual)));
+        assert_eq!(
+            maybe(model.timing.reply_char_bits.as_ref()),
+            Some((12, Manual))
+        );
         assert_eq!(model.timing.reply_delay_max, None);
-        assert_eq!((model.read.boundary, &model.read.max_words_ascii), (None, &None));
-        assert_eq!(parts(&model.write.refused), (RefusedWrite::Exception, Manual));
+        assert_eq!(
+            (model.read.boundary, &model.read.max_words_ascii),
+            (None, &None)
+        );
+        assert_eq!(
+            parts(&model.write.refused),
+            (RefusedWrite::Exception, Manual)
+        );
         assert_eq!(model.write.block, None);
-        let [Barrier::Refused(function)] = &model.barriers[..] else { panic!("{:?}", model.barriers) };
+        let [Barrier::Refused(function)] = &model.barriers[..] else {
+            panic!("{:?}", model.barriers)
+        };
         assert_eq!(parts(function), (0x08, Inferred));
         assert_eq!(codes(&model.exceptions), [1, 2, 3, 4]);
         assert!(model.exceptions.iter().all(|it| it.confidence == Manual));
     }
     let (as1, s15) = (as1(), s15());
-    assert_eq!(maybe(as1.timing.processing_max.as_ref()), Some((ms(8), Manual)));
-    assert_eq!(maybe(s15.timing.processing_max.as_ref()), Some((ms(10), Manual)));
+    assert_eq!(
+        maybe(as1.timing.processing_max.as_ref()),
+        Some((ms(8), Manual))
+    );
+    assert_eq!(
+        maybe(s15.timing.processing_max.as_ref()),
+        Some((ms(10), Manual))
+    );
     assert_eq!(as1.timing.stored_write_max, None);
-    assert_eq!(maybe(s15.timing.stored_write_max.as_ref()), Some((ms(50), Manual)));
-    assert_eq!((parts(&as1.functions), parts(&as1.read.max_words)), ((vec![3, 6], Manual), (1, Inferred)));
-    assert_eq!(parts(&s15.functions), (vec![0x03, 0x06, 0x10, 0x17, 0x2B], Manual));
+    assert_eq!(
+        maybe(s15.timing.stored_write_max.as_ref()),
+        Some((ms(50), Manual))
+    );
+    assert_eq!(
+        (parts(&as1.functions), parts(&as1.read.max_words)),
+        ((vec![3, 6], Manual), (1, Inferred))
+    );
+    assert_eq!(
+        parts(&s15.functions),
+        (vec![0x03, 0x06, 0x10, 0x17, 0x2B], Manual)
+    );
     assert_eq!(parts(&s15.read.max_words), (1, Manual));
 }
 
@@ -251,12 +309,23 @@ fn what_they_do_differently_is_named() {
         let quirks = &model.quirks;
         assert_eq!(maybe(quirks.decimal_numbers.as_ref()), Some(((), c16)));
         assert_eq!(maybe(quirks.percent_of_rated.as_ref()), Some(((), c16)));
-        assert_eq!(maybe(quirks.deaf_after_power_up.as_ref()), Some((power_up, Manual)));
-        assert_eq!(maybe(quirks.deaf_after_reset.as_ref()), Some((ms(2000), Sibling)));
-        assert_eq!((&quirks.setpoint_before_run, &quirks.stored_alias_bit), (&None, &None));
+        assert_eq!(
+            maybe(quirks.deaf_after_power_up.as_ref()),
+            Some((power_up, Manual))
+        );
+        assert_eq!(
+            maybe(quirks.deaf_after_reset.as_ref()),
+            Some((ms(2000), Sibling))
+        );
+        assert_eq!(
+            (&quirks.setpoint_before_run, &quirks.stored_alias_bit),
+            (&None, &None)
+        );
         assert_eq!(quirks.pause_before_request, None);
         assert_eq!(model.next_address(0xFE09_u16.into()), 0xFE10);
-        assert!(matches!(&model.codes, Some(CodeRule::Hexadecimal(origin)) if origin.confidence == Manual));
+        assert!(
+            matches!(&model.codes, Some(CodeRule::Hexadecimal(origin)) if origin.confidence == Manual)
+        );
         assert_eq!(model.watchdog, None);
     }
 }
@@ -281,7 +350,14 @@ fn run_commands_are_those_of_the_sheet() {
     );
     assert_eq!(
         run_words(&s15()),
-        [third(0xC000), proven(0xC400), third(0xC600), Some((0xC800, Sibling)), third(0xE000), third(0x0000)]
+        [
+            third(0xC000),
+            proven(0xC400),
+            third(0xC600),
+            Some((0xC800, Sibling)),
+            third(0xE000),
+            third(0x0000)
+        ]
     );
     let meanings: [BitMeaning; 16] = [
         Other,
@@ -303,14 +379,25 @@ fn run_commands_are_those_of_the_sheet() {
     ];
     for model in [as1(), s15()] {
         let run = model.run.as_ref().unwrap();
-        let RunForm::Bits { bits, priority, .. } = &run.form else { panic!("bits") };
-        let found: Vec<_> = bits.iter().map(|bit| (bit.bit.value, bit.meaning)).collect();
+        let RunForm::Bits { bits, priority, .. } = &run.form else {
+            panic!("bits")
+        };
+        let found: Vec<_> = bits
+            .iter()
+            .map(|bit| (bit.bit.value, bit.meaning))
+            .collect();
         assert_eq!(found, (0..).zip(meanings).collect::<Vec<_>>());
         assert_eq!(*priority, 0xC000);
         assert_eq!(run.reset_words(), [0xC000, 0xE000, 0xC000]);
-        let proven: Vec<_> =
-            bits.iter().filter(|bit| bit.bit.confidence.is_proven()).map(|bit| bit.bit.value).collect();
-        assert_eq!(proven, NOTHING_PROVEN, "the manual shows the sum of three bits alone");
+        let proven: Vec<_> = bits
+            .iter()
+            .filter(|bit| bit.bit.confidence.is_proven())
+            .map(|bit| bit.bit.value)
+            .collect();
+        assert_eq!(
+            proven, NOTHING_PROVEN,
+            "the manual shows the sum of three bits alone"
+        );
     }
 }
 
@@ -328,7 +415,14 @@ fn the_status_word_is_that_of_the_sheet() {
                 flag(Flag::Ready, 14)
             ]
         );
-        let shows = |word| model.status.iter().filter(|it| it.holds(word)).map(|it| it.flag).collect::<Vec<_>>();
+        let shows = |word| {
+            model
+                .status
+                .iter()
+                .filter(|it| it.holds(word))
+                .map(|it| it.flag)
+                .collect::<Vec<_>>()
+        };
         // The VF-AS1's example of a run, and the VF-S15's of one with an alarm.
         assert_eq!(shows(0x6400), [Flag::Running, Flag::Ready]);
         assert_eq!(shows(0xE404), [Flag::Running, Flag::Alarm, Flag::Ready]);
@@ -340,12 +434,30 @@ fn trips_are_hints_and_setup_names_the_protocol() {
     let (as1, s15) = (as1(), s15());
     let listed: Vec<u16> = (1..=24).chain([26, 29, 30, 32, 34]).collect();
     assert_eq!(codes(&as1.trip_codes), listed);
-    let without_phases: Vec<u16> = listed.into_iter().filter(|code| ![6, 7].contains(code)).collect();
+    let without_phases: Vec<u16> = listed
+        .into_iter()
+        .filter(|code| ![6, 7].contains(code))
+        .collect();
     assert_eq!(codes(&s15.trip_codes), without_phases);
     for trip in as1.trip_codes.iter().chain(&s15.trip_codes) {
         assert_eq!(trip.confidence, Inferred, "{}", trip.text);
     }
-    assert_eq!(as1.trip_text(24).unwrap().text, "Err5: communication time-out");
-    assert_eq!(setup(&as1), [("F807, F829", None, &[][..], Inferred), ("power", None, &[][..], Manual)]);
-    assert_eq!(setup(&s15), [("F829", Some(0xF829), &[1][..], Manual), ("power", None, &[][..], Manual)]);
+    assert_eq!(
+        as1.trip_text(24).unwrap().text,
+        "Err5: communication time-out"
+    );
+    assert_eq!(
+        setup(&as1),
+        [
+            ("F807, F829", None, &[][..], Inferred),
+            ("power", None, &[][..], Manual)
+        ]
+    );
+    assert_eq!(
+        setup(&s15),
+        [
+            ("F829", Some(0xF829), &[1][..], Manual),
+            ("power", None, &[][..], Manual)
+        ]
+    );
 }

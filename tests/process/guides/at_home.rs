@@ -17,7 +17,10 @@ fn places(place: &Place, broker: &Broker) -> Table {
     vec![
         (ADAPTER, here("line")),
         (DATA_DIR, here("data")),
-        ("mqtt://192.0.2.7", format!("mqtt://127.0.0.1:{}", broker.port())),
+        (
+            "mqtt://192.0.2.7",
+            format!("mqtt://127.0.0.1:{}", broker.port()),
+        ),
         ("-h 192.0.2.7", format!("-h 127.0.0.1 -p {}", broker.port())),
     ]
 }
@@ -41,7 +44,9 @@ fn the_guide_to_home_assistant_works() {
         if !typed.line.starts_with(LOOK) || !typed.line.contains("frequency/output") {
             return;
         }
-        let Some(program) = hass::program() else { return };
+        let Some(program) = hass::program() else {
+            return;
+        };
         let hass = Hass::start(program, &guide.place, broker.mosquitto.address());
         hass.wait_for("binary_sensor.pump_1_connected", "on");
         let frequency = until("the frequency is shown", PATIENCE, || {
@@ -50,12 +55,18 @@ fn the_guide_to_home_assistant_works() {
         });
         shown.push(frequency);
     });
-    assert!(hass::program().is_none() || shown == [0.0], "Home Assistant was not looked at: {shown:?}");
+    assert!(
+        hass::program().is_none() || shown == [0.0],
+        "Home Assistant was not looked at: {shown:?}"
+    );
 }
 
 #[test]
 fn the_guide_to_node_red_works() {
-    const NOT_RUN: &[NotRun] = &[("{", "a document that is shown: the test of all documents reads it")];
+    const NOT_RUN: &[NotRun] = &[(
+        "{",
+        "a document that is shown: the test of all documents reads it",
+    )];
     let place = Place::new();
     let _drive = played(&place, "line", "hyundai-n700");
     let broker = Broker::start(&place);
@@ -67,9 +78,15 @@ fn the_guide_to_node_red_works() {
         }
         // The gateway and the drive of this guide are called as in the flow: only the broker is set.
         let flow = document("deploy/node-red/flow.json");
-        let with_port = flow.replace("\"port\": \"1883\"", &format!("\"port\": \"{}\"", broker.port()));
+        let with_port = flow.replace(
+            "\"port\": \"1883\"",
+            &format!("\"port\": \"{}\"", broker.port()),
+        );
         assert!(with_port != flow && flow.contains("vfd/plant-a/drive/pump-1/"));
-        let node_red = NodeRed::start(&guide.place, &with_port.replace("\"localhost\"", "\"127.0.0.1\""));
+        let node_red = NodeRed::start(
+            &guide.place,
+            &with_port.replace("\"localhost\"", "\"127.0.0.1\""),
+        );
         node_red.wait_for("presence", 0, "online");
         shown.push(node_red.wait_for("state", 0, "0 Hz"));
     });

@@ -20,13 +20,20 @@ fn places(place: &Place, demo: &'static str, [modbus, page]: [u16; 2]) -> Table 
     vec![
         (ADAPTER, here("line")),
         (DATA_DIR, here("data")),
-        (demo, format!("vfd-gateway demo --port {modbus} --http-port {page}")),
+        (
+            demo,
+            format!("vfd-gateway demo --port {modbus} --http-port {page}"),
+        ),
     ]
 }
 
 /// The demo says where its broker is: at the usual port, or at another one where that is taken.
 fn broker_of_the_demo(guide: &mut Guide, typed: &Typed) {
-    let found = typed.said.lines().find_map(|line| line.strip_prefix("MQTT broker 127.0.0.1:")?.split(',').next());
+    let found = typed.said.lines().find_map(|line| {
+        line.strip_prefix("MQTT broker 127.0.0.1:")?
+            .split(',')
+            .next()
+    });
     let port = found.unwrap_or_else(|| panic!("no broker in: {}", typed.said));
     guide.add_to_table(vec![("-p 1883", format!("-p {port}"))]);
 }
@@ -41,7 +48,15 @@ impl Results {
     fn new(typed: &Typed) -> Self {
         let (_, rest) = typed.said.split_once("MQTT broker 127.0.0.1:").unwrap();
         let mut command = Command::new("stdbuf");
-        command.args(["-oL", "mosquitto_sub", "-h", "127.0.0.1", "-p", rest.split(',').next().unwrap(), "-v"]);
+        command.args([
+            "-oL",
+            "mosquitto_sub",
+            "-h",
+            "127.0.0.1",
+            "-p",
+            rest.split(',').next().unwrap(),
+            "-v",
+        ]);
         command.args(["-t", "vfd/demo/drive/+/result", "-t", "vfd/demo/status"]);
         let watcher = Started::new(command);
         watcher.wait_for("the gateway", |line| line.ends_with("online").then_some(()));
@@ -51,7 +66,9 @@ impl Results {
     fn taken(&self) -> usize {
         let is_taken = |line: &String| {
             let result: serde_json::Value = serde_json::from_str(line.split_once(' ')?.1).ok()?;
-            let is_good = ["acknowledged", "confirmed"].iter().any(|word| result["outcome"] == **word);
+            let is_good = ["acknowledged", "confirmed"]
+                .iter()
+                .any(|word| result["outcome"] == **word);
             (result["final"] == true && is_good).then_some(())
         };
         self.watcher.find_all(is_taken).len()
@@ -60,7 +77,9 @@ impl Results {
     /// Waits for the end of a command that was published.
     fn wait_for_another(&mut self, line: &str) {
         let what = format!("the end of {line}");
-        self.before = until(&what, PATIENCE, || Some(self.taken()).filter(|taken| *taken > self.before));
+        self.before = until(&what, PATIENCE, || {
+            Some(self.taken()).filter(|taken| *taken > self.before)
+        });
     }
 }
 
@@ -73,8 +92,14 @@ fn the_guide_to_mqtt_works() {
     let broker = Broker::start(&place);
     let mut table = places(&place, "vfd-gateway demo", [0, 0]);
     table.extend([
-        ("mqtts://broker.example:8883", format!("mqtts://localhost:{}", broker.tls_port)),
-        ("-h broker.example -p 8883", format!("-h localhost -p {}", broker.tls_port)),
+        (
+            "mqtts://broker.example:8883",
+            format!("mqtts://localhost:{}", broker.tls_port),
+        ),
+        (
+            "-h broker.example -p 8883",
+            format!("-h localhost -p {}", broker.tls_port),
+        ),
         ("/run/secrets/mqtt", broker.password_file.clone()),
         ("/etc/vfd-gateway/broker-ca.pem", broker.authority.clone()),
     ]);
@@ -86,7 +111,9 @@ fn the_guide_to_mqtt_works() {
             broker_of_the_demo(guide, typed);
             results = Some(Results::new(typed));
         } else if typed.line.starts_with("mosquitto_pub")
-            && ["/command ", "/set "].iter().any(|it| typed.line.contains(it))
+            && ["/command ", "/set "]
+                .iter()
+                .any(|it| typed.line.contains(it))
         {
             results.as_mut().unwrap().wait_for_another(&typed.line);
         } else if typed.line.starts_with("mosquitto_sub") {
@@ -97,8 +124,10 @@ fn the_guide_to_mqtt_works() {
 
 #[test]
 fn the_guide_to_plcs_works() {
-    const NOT_RUN: &[NotRun] =
-        &[("status := word 1;", "structured text: `controller` runs the block that it explains")];
+    const NOT_RUN: &[NotRun] = &[(
+        "status := word 1;",
+        "structured text: `controller` runs the block that it explains",
+    )];
     let alone = only_demo();
     let place = Place::new();
     let _drive = played(&place, "line", "teco-e510");
@@ -119,7 +148,9 @@ fn the_guide_to_plcs_works() {
         if typed.line.ends_with("-r 258 -p 1502 127.0.0.1 1") {
             // It was started two lines before, and this line has renewed its lease.
             let read = format!("vfd-gateway read --port {demo} --unit 101 --uniform");
-            until("the motor turns", PATIENCE, || guide.frequency(&read).filter(|hz| *hz > 1.0));
+            until("the motor turns", PATIENCE, || {
+                guide.frequency(&read).filter(|hz| *hz > 1.0)
+            });
         }
     });
 }
@@ -127,10 +158,19 @@ fn the_guide_to_plcs_works() {
 /// What the README says of things that no test may do to its host.
 const README_NOT_RUN: &[NotRun] = &[
     ("tests/run", "it runs these tests"),
-    ("sh install.sh", "there is no release to fetch: `tests/supply_chain/installing.rs` installs one"),
-    ("sudo ", "it changes the host: `tests/run package` installs in a system of its own"),
+    (
+        "sh install.sh",
+        "there is no release to fetch: `tests/supply_chain/installing.rs` installs one",
+    ),
+    (
+        "sudo ",
+        "it changes the host: `tests/run package` installs in a system of its own",
+    ),
     ("echo 'deb ", "it changes the host"),
-    ("docker ", "there is no daemon of Docker: `tests/run image` builds and runs the image"),
+    (
+        "docker ",
+        "there is no daemon of Docker: `tests/run image` builds and runs the image",
+    ),
 ];
 
 #[test]
@@ -139,18 +179,40 @@ fn the_readme_works() {
     let place = Place::new();
     let _drive = played(&place, "line", "hyundai-n700");
     let [modbus, page] = [free_port(), free_port()];
-    let socket = place.file("data/vfd-gateway.sock").to_str().unwrap().to_owned();
+    let socket = place
+        .file("data/vfd-gateway.sock")
+        .to_str()
+        .unwrap()
+        .to_owned();
     let mut table = places(&place, "cargo run --release -- demo", [modbus, page]);
     table.extend([
         ("-p 1502", format!("-p {modbus}")),
         ("127.0.0.1:1502", format!("127.0.0.1:{modbus}")),
         ("127.0.0.1:8080", format!("127.0.0.1:{page}")),
-        ("vfd-gateway read --unit", format!("vfd-gateway read --port {modbus} --unit")),
-        ("vfd-gateway write --unit", format!("vfd-gateway write --port {modbus} --unit")),
-        ("vfd-gateway health  ", format!("vfd-gateway health --socket {socket} ")),
-        ("vfd-gateway doctor ", format!("vfd-gateway doctor --socket {socket} ")),
-        ("vfd-gateway verify ", format!("vfd-gateway verify --socket {socket} ")),
-        ("vfd-gateway capture ", format!("vfd-gateway capture --socket {socket} ")),
+        (
+            "vfd-gateway read --unit",
+            format!("vfd-gateway read --port {modbus} --unit"),
+        ),
+        (
+            "vfd-gateway write --unit",
+            format!("vfd-gateway write --port {modbus} --unit"),
+        ),
+        (
+            "vfd-gateway health  ",
+            format!("vfd-gateway health --socket {socket} "),
+        ),
+        (
+            "vfd-gateway doctor ",
+            format!("vfd-gateway doctor --socket {socket} "),
+        ),
+        (
+            "vfd-gateway verify ",
+            format!("vfd-gateway verify --socket {socket} "),
+        ),
+        (
+            "vfd-gateway capture ",
+            format!("vfd-gateway capture --socket {socket} "),
+        ),
     ]);
     let mut guide = Guide::new("README.md", place, table, README_NOT_RUN);
     guide.alone = Some(alone);
@@ -159,23 +221,32 @@ fn the_readme_works() {
             broker_of_the_demo(guide, typed);
         } else if typed.line.starts_with("mosquitto_sub") {
             // A person who reads what the line shows is slower than the first answers of the drive.
-            guide.watcher("mosquitto_sub").wait_for("that the drive stands", |line| {
-                (line == "vfd/demo/drive/pump-1/run/state stopped").then_some(())
-            });
+            guide
+                .watcher("mosquitto_sub")
+                .wait_for("that the drive stands", |line| {
+                    (line == "vfd/demo/drive/pump-1/run/state stopped").then_some(())
+                });
         } else if typed.line.starts_with("mosquitto_pub") {
             let said = |what: &str, found: &dyn Fn(&str) -> bool| {
-                guide.watcher("mosquitto_sub").wait_for(what, |line| found(line).then_some(()));
+                guide
+                    .watcher("mosquitto_sub")
+                    .wait_for(what, |line| found(line).then_some(()));
             };
-            said("the result", &|line| line.contains("/pump-1/result ") && line.contains("acknowledged"));
+            said("the result", &|line| {
+                line.contains("/pump-1/result ") && line.contains("acknowledged")
+            });
             let turns = |text: &str| text.parse::<f64>().is_ok_and(|hz| hz > 1.0);
             said("the rising frequency", &|line| {
-                line.strip_prefix("vfd/demo/drive/pump-1/frequency/output ").is_some_and(turns)
+                line.strip_prefix("vfd/demo/drive/pump-1/frequency/output ")
+                    .is_some_and(turns)
             });
         } else if typed.line.starts_with("mbpoll") {
-            guide.watcher("mbpoll").wait_for("the output frequency", |line| {
-                let word: u16 = line.strip_prefix("[4]:")?.trim().parse().ok()?;
-                (word > 100).then_some(())
-            });
+            guide
+                .watcher("mbpoll")
+                .wait_for("the output frequency", |line| {
+                    let word: u16 = line.strip_prefix("[4]:")?.trim().parse().ok()?;
+                    (word > 100).then_some(())
+                });
         }
     });
 }

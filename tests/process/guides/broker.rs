@@ -23,7 +23,10 @@ impl Broker {
         let path = |name: &str| place.file(name).to_str().unwrap().to_owned();
         let [authority, passwords] = [path("broker-ca.pem"), path("passwords")];
         let [certificate, key] = make_certificate(place, &authority);
-        run("mosquitto_passwd", &["-b", "-c", &passwords, "vfd", PASSWORD]);
+        run(
+            "mosquitto_passwd",
+            &["-b", "-c", &passwords, "vfd", PASSWORD],
+        );
         place.write("mqtt-password", PASSWORD);
         let tls_port = free_port();
         let more = format!(
@@ -31,7 +34,12 @@ impl Broker {
              keyfile {key}\n"
         );
         let mosquitto = Mosquitto::start_with(&place.file(""), &more);
-        Self { mosquitto, tls_port, password_file: path("mqtt-password"), authority }
+        Self {
+            mosquitto,
+            tls_port,
+            password_file: path("mqtt-password"),
+            authority,
+        }
     }
 
     /// Its port without TLS.
@@ -43,20 +51,71 @@ impl Broker {
 /// An authority, and a certificate by it for `localhost` with its key.
 fn make_certificate(place: &Place, authority: &str) -> [String; 2] {
     let path = |name: &str| place.file(name).to_str().unwrap().to_owned();
-    let [authority_key, request, certificate, key] = ["ca.key", "broker.csr", "broker.pem", "broker.key"].map(path);
-    let extensions = place.write("broker.ext", "subjectAltName=DNS:localhost\nbasicConstraints=CA:FALSE\n");
-    let new = ["req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"];
-    let of_authority = ["-x509", "-days", "30", "-subj", "/CN=authority", "-keyout", &authority_key, "-out", authority];
+    let [authority_key, request, certificate, key] =
+        ["ca.key", "broker.csr", "broker.pem", "broker.key"].map(path);
+    let extensions = place.write(
+        "broker.ext",
+        "subjectAltName=DNS:localhost\nbasicConstraints=CA:FALSE\n",
+    );
+    let new = [
+        "req",
+        "-newkey",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:prime256v1",
+        "-nodes",
+    ];
+    let of_authority = [
+        "-x509",
+        "-days",
+        "30",
+        "-subj",
+        "/CN=authority",
+        "-keyout",
+        &authority_key,
+        "-out",
+        authority,
+    ];
     run("openssl", &[&new[..], &of_authority].concat());
-    run("openssl", &[&new[..], &["-subj", "/CN=localhost", "-keyout", &key, "-out", &request]].concat());
-    let by = ["-CA", authority, "-CAkey", &authority_key, "-CAcreateserial"];
-    let sign = ["x509", "-req", "-days", "30", "-in", &request, "-extfile", extensions.to_str().unwrap()];
-    run("openssl", &[&sign[..], &by, &["-out", &certificate]].concat());
+    run(
+        "openssl",
+        &[
+            &new[..],
+            &["-subj", "/CN=localhost", "-keyout", &key, "-out", &request],
+        ]
+        .concat(),
+    );
+    let by = [
+        "-CA",
+        authority,
+        "-CAkey",
+        &authority_key,
+        "-CAcreateserial",
+    ];
+    let sign = [
+        "x509",
+        "-req",
+        "-days",
+        "30",
+        "-in",
+        &request,
+        "-extfile",
+        extensions.to_str().unwrap(),
+    ];
+    run(
+        "openssl",
+        &[&sign[..], &by, &["-out", &certificate]].concat(),
+    );
     [certificate, key]
 }
 
 fn run(program: &str, args: &[&str]) {
     let output = Command::new(program).args(args).output();
-    let output = output.unwrap_or_else(|error| panic!("{program}: {error}; run tests/run, which installs it"));
-    assert!(output.status.success(), "{program} {args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let output = output
+        .unwrap_or_else(|error| panic!("{program}: {error}; run tests/run, which installs it"));
+    assert!(
+        output.status.success(),
+        "{program} {args:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

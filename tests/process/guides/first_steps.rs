@@ -11,14 +11,29 @@ use super::{ADAPTER, DATA_DIR, LISTEN};
 pub fn played(place: &Place, link: &str, model: &str) -> Started {
     let link = place.file(link);
     // Every page has RTU frames, also where the drive leaves the factory with ASCII.
-    let drive = start(&["simulate", "--model", model, "--data-bits", "8", "--link", link.to_str().unwrap()]);
-    drive.wait_for("that it plays", |line| line.contains("station 1").then_some(()));
+    let drive = start(&[
+        "simulate",
+        "--model",
+        model,
+        "--data-bits",
+        "8",
+        "--link",
+        link.to_str().unwrap(),
+    ]);
+    drive.wait_for("that it plays", |line| {
+        line.contains("station 1").then_some(())
+    });
     drive
 }
 
 /// The model of the first drive in the configuration of a guide.
 pub fn model_in(text: &str) -> &str {
-    text.split_once("\nmodel = \"").unwrap().1.split('"').next().unwrap()
+    text.split_once("\nmodel = \"")
+        .unwrap()
+        .1
+        .split('"')
+        .next()
+        .unwrap()
 }
 
 /// What a reader has in the place of the guide's adapter, directory and port.
@@ -30,10 +45,16 @@ pub fn places(place: &Place, text: &str) -> Table {
         (ADAPTER, here("line")),
         (DATA_DIR, here("data")),
         (LISTEN, format!("127.0.0.1:{port}")),
-        ("vfd-gateway read --unit", format!("vfd-gateway read --port {port} --unit")),
+        (
+            "vfd-gateway read --unit",
+            format!("vfd-gateway read --port {port} --unit"),
+        ),
     ];
     if text.contains("vfd-gateway write --unit") {
-        table.push(("vfd-gateway write --unit", format!("vfd-gateway write --port {port} --unit")));
+        table.push((
+            "vfd-gateway write --unit",
+            format!("vfd-gateway write --port {port} --unit"),
+        ));
     }
     table
 }
@@ -100,17 +121,27 @@ first_steps! {
 #[test]
 fn every_page_of_first_steps_is_followed() {
     let pages = documents().into_iter().map(|(name, _)| name);
-    let pages: Vec<_> = pages.filter(|name| name.starts_with("first") && !name.ends_with("README.md")).collect();
+    let pages: Vec<_> = pages
+        .filter(|name| name.starts_with("first") && !name.ends_with("README.md"))
+        .collect();
     assert_eq!(pages, FOLLOWED);
 }
 
 #[test]
 fn every_model_that_is_built_in_has_first_steps() {
-    let listed: serde_json::Value = serde_json::from_slice(&vfd_gateway(&["models", "list", "--json"]).stdout).unwrap();
-    let guides: String = documents().into_iter().filter(|(name, _)| name.starts_with("first")).map(|it| it.1).collect();
+    let listed: serde_json::Value =
+        serde_json::from_slice(&vfd_gateway(&["models", "list", "--json"]).stdout).unwrap();
+    let guides: String = documents()
+        .into_iter()
+        .filter(|(name, _)| name.starts_with("first"))
+        .map(|it| it.1)
+        .collect();
     for model in listed.as_array().unwrap() {
         let id = model["id"].as_str().unwrap();
-        assert!(guides.contains(&format!("`model = \"{id}\"`")), "no guide is about {id}");
+        assert!(
+            guides.contains(&format!("`model = \"{id}\"`")),
+            "no guide is about {id}"
+        );
     }
 }
 
@@ -123,6 +154,9 @@ fn a_drive_is_played_as_the_first_page_says() {
         ("sudo install", "it changes the host"),
     ];
     let place = Place::new();
-    let table = vec![("/tmp/vfd-line", place.file("line").to_str().unwrap().to_owned())];
+    let table = vec![(
+        "/tmp/vfd-line",
+        place.file("line").to_str().unwrap().to_owned(),
+    )];
     Guide::new("docs/first-steps/README.md", place, table, NOT_RUN).follow(|_, _| {});
 }

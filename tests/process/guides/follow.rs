@@ -103,7 +103,12 @@ impl Guide {
                     }
                 }
                 "toml" | "end" => {}
-                _ => assert!(self.is_listed(&block.text), "{}: nobody runs\n{}", self.name, block.text),
+                _ => assert!(
+                    self.is_listed(&block.text),
+                    "{}: nobody runs\n{}",
+                    self.name,
+                    block.text
+                ),
             }
         }
         self.end();
@@ -112,21 +117,36 @@ impl Guide {
     /// Nothing of the lists is there in vain, a value was seen, and everything ends in good order.
     fn end(mut self) {
         for ((begins, _), used) in self.not_run.iter().zip(&self.used) {
-            assert!(used, "{}: listed as not run, and not there: {begins}", self.name);
+            assert!(
+                used,
+                "{}: listed as not run, and not there: {begins}",
+                self.name
+            );
         }
-        assert!(!self.live.is_empty(), "{}: nothing that it says to type has shown a live value", self.name);
+        assert!(
+            !self.live.is_empty(),
+            "{}: nothing that it says to type has shown a live value",
+            self.name
+        );
         self.watchers.clear();
         self.end_gateway();
     }
 
     fn is_listed(&mut self, text: &str) -> bool {
-        let found = self.not_run.iter().position(|(begins, _)| text.starts_with(begins));
+        let found = self
+            .not_run
+            .iter()
+            .position(|(begins, _)| text.starts_with(begins));
         found.inspect(|index| self.used[*index] = true).is_some()
     }
 
     /// What stands in the guide, as it is meant here.
     fn here(&self, text: &str) -> String {
-        self.table.iter().fold(text.to_owned(), |text, (there, here)| text.replace(there, here))
+        self.table
+            .iter()
+            .fold(text.to_owned(), |text, (there, here)| {
+                text.replace(there, here)
+            })
     }
 
     /// More rows, whose right side is known only now.
@@ -145,9 +165,16 @@ impl Guide {
         if self.forward.is_some() && !block.before.contains("While it runs") {
             self.stop_motor();
         }
-        let starts = block.language == "sh" && statements(&block.text).iter().any(|it| kind(it) == Kind::Gateway);
+        let starts = block.language == "sh"
+            && statements(&block.text)
+                .iter()
+                .any(|it| kind(it) == Kind::Gateway);
         if starts && self.gateway.is_some() {
-            assert!(self.since_start.contains("Ctrl-C"), "{}: nobody says how the first one ends", self.name);
+            assert!(
+                self.since_start.contains("Ctrl-C"),
+                "{}: nobody says how the first one ends",
+                self.name
+            );
             self.end_gateway();
             self.since_taken = None;
         }
@@ -156,7 +183,12 @@ impl Guide {
     fn end_gateway(&mut self) {
         if let Some(mut gateway) = self.gateway.take() {
             gateway.interrupt();
-            assert!(gateway.end_within(PATIENCE).success(), "{}: {}", self.name, gateway.text());
+            assert!(
+                gateway.end_within(PATIENCE).success(),
+                "{}: {}",
+                self.name,
+                gateway.text()
+            );
         }
     }
 
@@ -165,7 +197,12 @@ impl Guide {
             name.clone_into(&mut self.file);
         }
         let is_told = named_file(&block.before).is_some()
-            || block.before.split_whitespace().collect::<Vec<_>>().join(" ").contains("whole file");
+            || block
+                .before
+                .split_whitespace()
+                .collect::<Vec<_>>()
+                .join(" ")
+                .contains("whole file");
         assert!(
             is_told && !self.file.is_empty(),
             "{}: nobody says into which file this goes\n{}",
@@ -178,7 +215,11 @@ impl Guide {
 
     /// Changes the file as the guide says in words: `said` stands there.
     pub fn edit(&self, said: &str, change: impl FnOnce(&str) -> String) {
-        assert!(document(self.name).contains(said), "{}: nobody says: {said}", self.name);
+        assert!(
+            document(self.name).contains(said),
+            "{}: nobody says: {said}",
+            self.name
+        );
         let text = std::fs::read_to_string(self.place.file(&self.file)).unwrap();
         self.place.write(&self.file, &change(&text));
     }
@@ -187,13 +228,23 @@ impl Guide {
         let program = line.split_whitespace().next().unwrap();
         let here = self.here(line);
         let runs = here.split_whitespace().next().unwrap();
-        assert!(PROGRAMS.contains(&runs), "{}: {program} is not run, and not listed: {line}", self.name);
+        assert!(
+            PROGRAMS.contains(&runs),
+            "{}: {program} is not run, and not listed: {line}",
+            self.name
+        );
         if let Some(since) = self.since_taken.take() {
             if since.contains("until Ctrl-C") {
                 self.end_watcher();
             }
-            let is_told = [&since, comment(line)].iter().any(|it| FREE.iter().any(|word| it.contains(word)));
-            assert!(is_told, "{}: nobody says that another terminal is needed for: {line}", self.name);
+            let is_told = [&since, comment(line)]
+                .iter()
+                .any(|it| FREE.iter().any(|word| it.contains(word)));
+            assert!(
+                is_told,
+                "{}: nobody says that another terminal is needed for: {line}",
+                self.name
+            );
         }
         let said = match kind(&here) {
             Kind::Ends => self.until_done(&here),
@@ -209,14 +260,21 @@ impl Guide {
         if ![Kind::Ends, Kind::Asks].contains(&kind(&here)) {
             self.since_taken = Some(format!("{}{}", self.before, comment(line)));
         }
-        Typed { line: line.to_owned(), here, said }
+        Typed {
+            line: line.to_owned(),
+            here,
+            said,
+        }
     }
 
     /// How many drives the file has that `line` names.
     fn drives_of(&self, line: &str) -> usize {
         let (_, file) = line.split_once(" -c ").expect("it names its file");
         let file = self.place.file(file.split_whitespace().next().unwrap());
-        std::fs::read_to_string(file).unwrap().matches("[[line.drive]]").count()
+        std::fs::read_to_string(file)
+            .unwrap()
+            .matches("[[line.drive]]")
+            .count()
     }
 
     /// Starts the gateway as a service does: no terminal is taken.
@@ -228,7 +286,11 @@ impl Guide {
 
     /// Starts what stays, until it has said that it is there.
     fn start(&mut self, line: &str, is_there: impl Fn(&str, &str) -> bool) -> String {
-        assert!(self.gateway.is_none(), "{}: it runs already: {line}", self.name);
+        assert!(
+            self.gateway.is_none(),
+            "{}: it runs already: {line}",
+            self.name
+        );
         let started = Started::at_a_keyboard(self.shell(line));
         let mut all = String::new();
         started.wait_for(&format!("that {line} works"), |said| {
@@ -252,7 +314,11 @@ impl Guide {
                 return said;
             }
             let why = self.gateway.as_ref().map(Started::text).unwrap_or_default();
-            assert!(begun.elapsed() < PATIENCE, "{}: {line}\n{said}\nthe gateway:\n{why}", self.name);
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "{}: {line}\n{said}\nthe gateway:\n{why}",
+                self.name
+            );
             std::thread::sleep(AGAIN_AFTER);
         }
     }
@@ -268,7 +334,12 @@ impl Guide {
             if is_good {
                 return started.text();
             }
-            assert!(begun.elapsed() < PATIENCE, "{}: {line}\n{}", self.name, started.text());
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "{}: {line}\n{}",
+                self.name,
+                started.text()
+            );
             std::thread::sleep(AGAIN_AFTER);
         }
     }
@@ -280,7 +351,9 @@ impl Guide {
         if line.contains(" --out ") {
             let (_, out) = here.split_once(" --out ").unwrap();
             let out = self.place.file(out.split_whitespace().next().unwrap());
-            until("something is captured", PATIENCE, || out.metadata().ok().filter(|it| it.len() > 200));
+            until("something is captured", PATIENCE, || {
+                out.metadata().ok().filter(|it| it.len() > 200)
+            });
         } else {
             watcher.wait_for("something", |said| (!said.is_empty()).then_some(()));
         }
@@ -299,8 +372,13 @@ impl Guide {
 
     /// The line that watches and begins with `begins`.
     pub fn watcher(&self, begins: &str) -> &Started {
-        let found = self.watchers.iter().find(|(line, _)| line.starts_with(begins));
-        &found.unwrap_or_else(|| panic!("{}: nobody has typed {begins}", self.name)).1
+        let found = self
+            .watchers
+            .iter()
+            .find(|(line, _)| line.starts_with(begins));
+        &found
+            .unwrap_or_else(|| panic!("{}: nobody has typed {begins}", self.name))
+            .1
     }
 
     /// It stays until Ctrl-C. While it runs, the guide's own way to read shows that the motor turns.
@@ -314,7 +392,9 @@ impl Guide {
         });
         let (target, _) = line.split_once(" run forward").unwrap();
         let read = format!("{} --uniform", target.replace(" write ", " read "));
-        until("the motor turns", PATIENCE, || self.frequency(&read).filter(|it| *it > 1.0));
+        until("the motor turns", PATIENCE, || {
+            self.frequency(&read).filter(|it| *it > 1.0)
+        });
         let said = writer.text();
         self.live.push(self.until_done(&read));
         self.forward = Some((writer, read));
@@ -328,10 +408,21 @@ impl Guide {
 
     fn stop_motor(&mut self) {
         let (mut writer, read) = self.forward.take().unwrap();
-        assert!(document(self.name).contains("Ctrl-C"), "{}: nobody says how it is stopped", self.name);
+        assert!(
+            document(self.name).contains("Ctrl-C"),
+            "{}: nobody says how it is stopped",
+            self.name
+        );
         writer.interrupt();
-        assert!(writer.end_within(PATIENCE).success(), "{}: {}", self.name, writer.text());
-        until("the motor stands", PATIENCE, || self.frequency(&read).filter(|it| *it == 0.0));
+        assert!(
+            writer.end_within(PATIENCE).success(),
+            "{}: {}",
+            self.name,
+            writer.text()
+        );
+        until("the motor stands", PATIENCE, || {
+            self.frequency(&read).filter(|it| *it == 0.0)
+        });
         self.since_taken = None;
     }
 
@@ -339,14 +430,25 @@ impl Guide {
         let mut shell = Command::new("sh");
         // Signals are for the program itself, where it is one.
         let typed = line.split(" # ").next().unwrap();
-        let exec = if typed.contains(['|', ';']) { "" } else { "exec " };
+        let exec = if typed.contains(['|', ';']) {
+            ""
+        } else {
+            "exec "
+        };
         shell.args(["-c", &format!("{exec}{line}")]);
         self.prepared(shell)
     }
 
     fn prepared(&self, mut command: Command) -> Command {
-        let program = Path::new(env!("CARGO_BIN_EXE_vfd-gateway")).parent().unwrap().to_str().unwrap();
-        command.env("PATH", format!("{program}:{}", std::env::var("PATH").unwrap()));
+        let program = Path::new(env!("CARGO_BIN_EXE_vfd-gateway"))
+            .parent()
+            .unwrap()
+            .to_str()
+            .unwrap();
+        command.env(
+            "PATH",
+            format!("{program}:{}", std::env::var("PATH").unwrap()),
+        );
         command.current_dir(self.place.file(""));
         command
     }

@@ -34,8 +34,10 @@ pub fn kind(statement: &str) -> Kind {
 
 /// How many drives a gateway has said to be there, each counted once.
 pub fn online(log: &str) -> usize {
-    let mut drives: Vec<_> =
-        log.lines().filter_map(|it| it.split_once("drive online ").map(|(_, drive)| drive)).collect();
+    let mut drives: Vec<_> = log
+        .lines()
+        .filter_map(|it| it.split_once("drive online ").map(|(_, drive)| drive))
+        .collect();
     drives.sort_unstable();
     drives.dedup();
     drives.len()
@@ -46,12 +48,16 @@ pub fn is_done(line: &str, said: &str) -> bool {
     let is_poll = line.starts_with("mbpoll");
     !is_poll
         || said.contains("Written 1 references.")
-        || said.lines().any(|it| it.starts_with('[') && it.contains("]:"))
+        || said
+            .lines()
+            .any(|it| it.starts_with('[') && it.contains("]:"))
 }
 
 /// The output frequency in what `read --uniform` prints.
 pub fn frequency(said: &str) -> Option<f64> {
-    let row = said.lines().find_map(|line| line.strip_prefix("output_frequency"))?;
+    let row = said
+        .lines()
+        .find_map(|line| line.strip_prefix("output_frequency"))?;
     row.trim().strip_suffix(" Hz")?.parse().ok()
 }
 
@@ -59,12 +65,17 @@ pub fn frequency(said: &str) -> Option<f64> {
 pub fn live_value(line: &str, said: &str) -> Option<String> {
     let words: Vec<_> = line.split_whitespace().take(2).collect();
     match words[..] {
-        ["vfd-gateway", "read"] if line.contains("--uniform") => frequency(said).map(|hz| format!("{hz} Hz")),
+        ["vfd-gateway", "read"] if line.contains("--uniform") => {
+            frequency(said).map(|hz| format!("{hz} Hz"))
+        }
         ["vfd-gateway", "read"] => {
             let is_value = |line: &&str| line.starts_with("0x") || line.ends_with(" Hz");
             said.lines().find(is_value).map(str::to_owned)
         }
-        ["mbpoll", _] => said.lines().find(|line| line.starts_with('[')).map(str::to_owned),
+        ["mbpoll", _] => said
+            .lines()
+            .find(|line| line.starts_with('['))
+            .map(str::to_owned),
         ["mosquitto_sub", _] => said.lines().next().map(str::to_owned),
         _ => None,
     }

@@ -49,7 +49,11 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
                 }
                 "toml" => {
                     let is_whole = block.text.contains("[[line]]");
-                    let whole = if is_whole { block.text.clone() } else { around(&block.text) };
+                    let whole = if is_whole {
+                        block.text.clone()
+                    } else {
+                        around(&block.text)
+                    };
                     let file = place.write("block.toml", &whole);
                     let output = vfd_gateway(&["check", "-c", file.to_str().unwrap()]);
                     assert!(output.status.success(), "{name}: {}", said(&output));
@@ -65,16 +69,28 @@ fn every_configuration_and_every_document_in_the_guides_is_sound() {
             }
         }
     }
-    assert!(configurations >= 10 && json >= 3, "{configurations} configurations, {json} documents");
+    assert!(
+        configurations >= 10 && json >= 3,
+        "{configurations} configurations, {json} documents"
+    );
 }
 
 /// Guides that are not followed here, and why.
 const ELSEWHERE: [(&str, &str); 7] = [
     ("sparkplug.md", "`sparkplug` plays the host that it needs"),
-    ("container.md", "`containers` and `tests/run image`: it is about images and their engines"),
+    (
+        "container.md",
+        "`containers` and `tests/run image`: it is about images and their engines",
+    ),
     ("standby.md", "`standby` plays the bus that it needs"),
-    ("fleet.md", "`fleet` and `fleet_commands`: it needs a cluster of brokers"),
-    ("trouble.md", "it goes from symptoms to remedies, and not from a beginning to an end"),
+    (
+        "fleet.md",
+        "`fleet` and `fleet_commands`: it needs a cluster of brokers",
+    ),
+    (
+        "trouble.md",
+        "it goes from symptoms to remedies, and not from a beginning to an end",
+    ),
     ("mistakes.md", "`mistakes` makes each of them"),
     ("../deploy/adding-a-drive.md", "`adding` follows it"),
 ];
@@ -85,18 +101,31 @@ fn every_guide_is_followed() {
     let (_, guides) = contents.split_once("## Guides").unwrap();
     let guides = guides.split_once("## Reference").unwrap().0;
     let sources = ["at_home", "beside_demo", "first_steps", "on_site"];
-    let sources = sources.map(|name| text_of(&format!("tests/process/guides/{name}.rs"))).concat();
-    for guide in guides.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+    let sources = sources
+        .map(|name| text_of(&format!("tests/process/guides/{name}.rs")))
+        .concat();
+    for guide in guides
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split(')').next())
+    {
         let is_page = guide.starts_with("first-steps/") && guide != "first-steps/README.md";
         let is_followed = is_page || sources.contains(&format!("Guide::new(\"docs/{guide}\""));
-        assert!(is_followed != ELSEWHERE.iter().any(|(name, _)| *name == guide), "nobody follows {guide}");
+        assert!(
+            is_followed != ELSEWHERE.iter().any(|(name, _)| *name == guide),
+            "nobody follows {guide}"
+        );
     }
 }
 
 /// A whole configuration with `part` in it, which shows a listener and no line.
 fn around(part: &str) -> String {
     // A drive takes commands only from where somebody may give them.
-    let from = if part.contains("[[http.users]]") { r#""modbus-tcp", "page""# } else { r#""modbus-tcp""# };
+    let from = if part.contains("[[http.users]]") {
+        r#""modbus-tcp", "page""#
+    } else {
+        r#""modbus-tcp""#
+    };
     format!(
         r#"
 [[line]]
@@ -130,5 +159,7 @@ write = ["127.0.0.1/32"]
 }
 
 fn said(output: &Output) -> String {
-    [&output.stdout[..], &output.stderr].map(|it| String::from_utf8_lossy(it).into_owned()).concat()
+    [&output.stdout[..], &output.stderr]
+        .map(|it| String::from_utf8_lossy(it).into_owned())
+        .concat()
 }

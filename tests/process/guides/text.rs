@@ -13,12 +13,17 @@ pub struct Block {
 
 /// The blocks of a document in order. The last one has no text: what is said behind all others stands before it.
 pub fn blocks(document: &str) -> Vec<Block> {
-    let (mut found, mut before, mut open): (Vec<Block>, _, Option<Block>) = (Vec::new(), String::new(), None);
+    let (mut found, mut before, mut open): (Vec<Block>, _, Option<Block>) =
+        (Vec::new(), String::new(), None);
     for line in document.lines() {
         match (line.strip_prefix("```"), open.take()) {
             (Some(language), None) => {
                 let (language, before) = (language.to_owned(), std::mem::take(&mut before));
-                open = Some(Block { language, text: String::new(), before });
+                open = Some(Block {
+                    language,
+                    text: String::new(),
+                    before,
+                });
             }
             (Some(_), Some(block)) => found.push(block),
             (None, Some(mut block)) => {
@@ -29,7 +34,11 @@ pub fn blocks(document: &str) -> Vec<Block> {
         }
     }
     assert!(open.is_none(), "a block does not end");
-    found.push(Block { language: "end".to_owned(), text: String::new(), before });
+    found.push(Block {
+        language: "end".to_owned(),
+        text: String::new(),
+        before,
+    });
     found
 }
 
@@ -50,13 +59,17 @@ pub fn statements(text: &str) -> Vec<String> {
 
 /// The comment behind a statement.
 pub fn comment(statement: &str) -> &str {
-    statement.split_once(" # ").map_or("", |(_, comment)| comment)
+    statement
+        .split_once(" # ")
+        .map_or("", |(_, comment)| comment)
 }
 
 /// The file that is named last in what is said before a block of TOML.
 pub fn named_file(before: &str) -> Option<&str> {
     let marked = before.split('`').skip(1).step_by(2);
-    marked.filter(|word| word.ends_with(".toml") && !word.contains(['/', ' '])).last()
+    marked
+        .filter(|word| word.ends_with(".toml") && !word.contains(['/', ' ']))
+        .last()
 }
 
 /// All documents under `docs/`, by their path there.
@@ -70,7 +83,12 @@ pub fn documents() -> Vec<(String, String)> {
             if path.is_dir() {
                 folders.push(path);
             } else if path.extension().is_some_and(|it| it == "md") {
-                let name = path.strip_prefix(&docs).unwrap().to_str().unwrap().to_owned();
+                let name = path
+                    .strip_prefix(&docs)
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .to_owned();
                 found.push((name, std::fs::read_to_string(&path).unwrap()));
             }
         }

@@ -78,9 +78,19 @@ impl Hub {
     /// The same with adapters that hand over what they have heard only this often, as usual USB adapters do: frames come
     /// in pieces with holes between them.
     pub fn holding_back(hold_back: Duration, baud: u32, ends: Vec<At>) -> Self {
-        let link = LinkSettings { baud, data_bits: 8, parity: Parity::None, stop_bits: 1 };
-        let bell = Arc::new(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC).expect("an eventfd"));
-        let seen = Arc::new(Mutex::new(Seen { record: Record::new(ends.len()), outputs: Vec::new() }));
+        let link = LinkSettings {
+            baud,
+            data_bits: 8,
+            parity: Parity::None,
+            stop_bits: 1,
+        };
+        let bell = Arc::new(
+            eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC).expect("an eventfd"),
+        );
+        let seen = Arc::new(Mutex::new(Seen {
+            record: Record::new(ends.len()),
+            outputs: Vec::new(),
+        }));
         let (orders, taken) = channel();
         let mut player = Player {
             wire: Wire::new(ends.len(), link.chars(1.0)),
@@ -92,7 +102,12 @@ impl Hub {
             bell: Arc::clone(&bell),
         };
         let player = std::thread::spawn(move || player.play());
-        Self { orders, bell, seen, player: Some(player) }
+        Self {
+            orders,
+            bell,
+            seen,
+            player: Some(player),
+        }
     }
 
     /// A device appears again under the name of the port at `end`. Returns when.
@@ -148,7 +163,10 @@ impl Hub {
     /// The output frequency of the drive at `station` in microhertz.
     pub fn output(&self, station: u8) -> i64 {
         let outputs = &self.seen.lock().unwrap().outputs;
-        outputs.iter().find(|(at, _)| *at == station).map_or(0, |(_, output)| *output)
+        outputs
+            .iter()
+            .find(|(at, _)| *at == station)
+            .map_or(0, |(_, output)| *output)
     }
 
     fn order(&self, order: Order) -> MonoTime {
@@ -188,7 +206,13 @@ impl End {
     fn new(at: At, link: LinkSettings) -> Self {
         let port = |link: PathBuf, echoes| {
             let pty = Some(plugged_in(&link));
-            Self::Port { pty, link, echoes, heard: Vec::new(), is_deaf: false }
+            Self::Port {
+                pty,
+                link,
+                echoes,
+                heard: Vec::new(),
+                is_deaf: false,
+            }
         };
         match at {
             At::Port(link) => port(link, false),
@@ -207,12 +231,30 @@ fn plugged_in(link: &Path) -> Pty {
 
 /// The wire has the character times here, and not the simulated bus.
 fn drives(stations: &[u8], link: LinkSettings) -> SimBus {
-    let model = Arc::clone(vendors::catalog().find("hyundai-n700").expect("the model is built in"));
+    let model = Arc::clone(
+        vendors::catalog()
+            .find("hyundai-n700")
+            .expect("the model is built in"),
+    );
     let ramp = Duration::from_secs(1);
-    let options = DriveOptions { acceleration: ramp, deceleration: ramp, ..DriveOptions::default() };
-    let mut bus = SimBus::new(link, BusOptions { pacing: Pacing::None, ..BusOptions::default() }, 1);
+    let options = DriveOptions {
+        acceleration: ramp,
+        deceleration: ramp,
+        ..DriveOptions::default()
+    };
+    let mut bus = SimBus::new(
+        link,
+        BusOptions {
+            pacing: Pacing::None,
+            ..BusOptions::default()
+        },
+        1,
+    );
     for station in stations {
-        bus.connect(Station(*station), SimDrive::new(Arc::clone(&model), options.clone()));
+        bus.connect(
+            Station(*station),
+            SimDrive::new(Arc::clone(&model), options.clone()),
+        );
     }
     bus
 }
@@ -254,7 +296,10 @@ impl Player {
                 self.hand_over();
             }
             let on_wire = self.wire.next_pause().map(|pause| pause.min(now + LATENCY));
-            let is_held = self.ends.iter().any(|end| matches!(end, End::Port { heard, .. } if !heard.is_empty()));
+            let is_held = self
+                .ends
+                .iter()
+                .any(|end| matches!(end, End::Port { heard, .. } if !heard.is_empty()));
             let held = is_held.then_some(self.hand_over_at);
             let dues = self.ends.iter().filter_map(|end| match end {
                 End::Drives(bus) => bus.next_due(),
@@ -301,13 +346,18 @@ impl Player {
             End::Port { .. } | End::Babbler => None,
         });
         let mut drives = buses.filter_map(|bus| bus.drive_mut(station));
-        drives.next().expect("a drive of this bus").trip(clock::now(), cause);
+        drives
+            .next()
+            .expect("a drive of this bus")
+            .trip(clock::now(), cause);
     }
 
     fn take_what_programs_sent(&mut self) {
         let mut buffer = [0; 4096];
         for (number, end) in self.ends.iter().enumerate() {
-            let End::Port { pty: Some(pty), .. } = end else { continue };
+            let End::Port { pty: Some(pty), .. } = end else {
+                continue;
+            };
             let mut port = pty;
             if let Ok(Some(count @ 1..)) = port.read(&mut buffer) {
                 self.wire.put(clock::now(), number, &buffer[..count]);
@@ -319,12 +369,23 @@ impl Player {
     fn pass_on(&mut self, now: MonoTime) {
         while let Some((character, hearers)) = self.wire.take(now) {
             self.seen.lock().unwrap().record.add(&character);
-            if let End::Port { echoes: true, is_deaf: false, heard, .. } = &mut self.ends[character.from] {
+            if let End::Port {
+                echoes: true,
+                is_deaf: false,
+                heard,
+                ..
+            } = &mut self.ends[character.from]
+            {
                 heard.push(character.heard);
             }
             for hearer in hearers {
                 match &mut self.ends[hearer] {
-                    End::Port { pty, heard, is_deaf: false, .. } if pty.is_some() => heard.push(character.heard),
+                    End::Port {
+                        pty,
+                        heard,
+                        is_deaf: false,
+                        ..
+                    } if pty.is_some() => heard.push(character.heard),
                     End::Port { .. } | End::Babbler => {}
                     End::Drives(bus) => {
                         bus.receive(character.end, &[character.heard]);
@@ -348,7 +409,11 @@ impl Player {
         for end in &self.ends {
             let End::Drives(bus) = end else { continue };
             let stations: Vec<_> = bus.stations().collect();
-            outputs.extend(stations.iter().filter_map(|at| Some((at.0, bus.drive(*at)?.output(now)))));
+            outputs.extend(
+                stations
+                    .iter()
+                    .filter_map(|at| Some((at.0, bus.drive(*at)?.output(now)))),
+            );
         }
         self.seen.lock().unwrap().outputs = outputs;
     }
@@ -356,7 +421,14 @@ impl Player {
     /// Programs get what their adapters have heard.
     fn hand_over(&mut self) {
         for end in &mut self.ends {
-            let End::Port { pty: Some(pty), heard, .. } = end else { continue };
+            let End::Port {
+                pty: Some(pty),
+                heard,
+                ..
+            } = end
+            else {
+                continue;
+            };
             if !heard.is_empty() {
                 let mut port = &*pty;
                 // What the system has no room for is lost, as in a real driver.
@@ -372,8 +444,11 @@ impl Player {
             End::Drives(_) | End::Babbler => None,
         });
         let others = [timer.as_fd(), self.bell.as_fd()];
-        let mut fds: Vec<_> =
-            others.into_iter().chain(ports).map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)).collect();
+        let mut fds: Vec<_> = others
+            .into_iter()
+            .chain(ports)
+            .map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN))
+            .collect();
         // Woken by a signal, it looks in vain.
         let _ = poll(&mut fds, None);
         let has_come = |place: usize| fds[place].revents().contains(PollFlags::IN);
@@ -408,8 +483,14 @@ mod tests {
         let mut heard = Vec::new();
         while !heard.ends_with(wanted) {
             let mut ready = [PollFd::new(port, PollFlags::IN)];
-            let patience = Timespec { tv_sec: 20, tv_nsec: 0 };
-            assert!(poll(&mut ready, Some(&patience)) == Ok(1), "no {wanted:X?} in {heard:X?}");
+            let patience = Timespec {
+                tv_sec: 20,
+                tv_nsec: 0,
+            };
+            assert!(
+                poll(&mut ready, Some(&patience)) == Ok(1),
+                "no {wanted:X?} in {heard:X?}"
+            );
             let mut byte = [0];
             port.read_exact(&mut byte).unwrap();
             heard.extend(byte);
@@ -421,20 +502,40 @@ mod tests {
     fn every_end_hears_a_request_and_its_reply_in_their_times() {
         let place = Place::new();
         let (one, other) = (place.file("one"), place.file("other"));
-        let hub = Hub::new(9_600, vec![At::Port(one.clone()), At::Drives(&[1, 2]), At::Port(other.clone())]);
+        let hub = Hub::new(
+            9_600,
+            vec![
+                At::Port(one.clone()),
+                At::Drives(&[1, 2]),
+                At::Port(other.clone()),
+            ],
+        );
         let (speaker, listener) = (terminal(&one), terminal(&other));
         (&speaker).write_all(&READ).unwrap();
         let reply = heard_up_to(&speaker, &STANDS);
         assert_eq!(reply, STANDS);
-        assert_eq!(heard_up_to(&listener, &STANDS), [&READ[..], &STANDS].concat());
+        assert_eq!(
+            heard_up_to(&listener, &STANDS),
+            [&READ[..], &STANDS].concat()
+        );
         let frames = hub.frames(0);
-        assert_eq!(frames.iter().map(|frame| frame.from).collect::<Vec<_>>(), [0, 1]);
+        assert_eq!(
+            frames.iter().map(|frame| frame.from).collect::<Vec<_>>(),
+            [0, 1]
+        );
         assert!(frames.iter().all(Frame::is_sound), "{frames:?}");
-        let [request, reply] = frames.as_slice() else { unreachable!() };
+        let [request, reply] = frames.as_slice() else {
+            unreachable!()
+        };
         let tolerance = Duration::from_micros(1);
         let lasted = |frame: &Frame| frame.end.since(frame.start);
-        let is = |time: Duration, wanted: u64| time.abs_diff(Duration::from_micros(wanted)) <= tolerance;
-        assert!(is(lasted(request), 8_333) && is(lasted(reply), 7_292) && is(reply.start.since(request.end), 2_000));
+        let is =
+            |time: Duration, wanted: u64| time.abs_diff(Duration::from_micros(wanted)) <= tolerance;
+        assert!(
+            is(lasted(request), 8_333)
+                && is(lasted(reply), 7_292)
+                && is(reply.start.since(request.end), 2_000)
+        );
         assert!(meetings(&frames, &[0, 2]).is_empty());
     }
 
@@ -442,7 +543,14 @@ mod tests {
     fn a_gateway_is_heard_at_another_end_until_its_adapter_is_out_or_the_pair_is_cut() {
         let place = Place::new();
         let port = place.file("line");
-        let hub = Hub::new(9_600, vec![At::Port(port.clone()), At::Drives(&[1]), At::Port(place.file("other"))]);
+        let hub = Hub::new(
+            9_600,
+            vec![
+                At::Port(port.clone()),
+                At::Drives(&[1]),
+                At::Port(place.file("other")),
+            ],
+        );
         let listener = terminal(&place.file("other"));
         let gateway = gateway(&place, &port);
         gateway.wait_for_drive();
@@ -454,11 +562,19 @@ mod tests {
         hub.repair();
         until("the drive is back", PATIENCE, || client().ok());
         hub.pull_out(0);
-        until("the line is down", PATIENCE, || (client() == Err(0x0A)).then_some(()));
+        until("the line is down", PATIENCE, || {
+            (client() == Err(0x0A)).then_some(())
+        });
         let seen = hub.count();
         hub.plug_in(0);
-        until("the drive is back behind another device", PATIENCE, || client().ok());
-        assert!(hub.frames(seen).iter().any(|frame| frame.from == 0 && frame.is_sound()));
+        until("the drive is back behind another device", PATIENCE, || {
+            client().ok()
+        });
+        assert!(
+            hub.frames(seen)
+                .iter()
+                .any(|frame| frame.from == 0 && frame.is_sound())
+        );
         assert_eq!(hub.output(1), 0);
     }
 

@@ -29,7 +29,10 @@ impl Frame {
             [to, 6, high, low, word_high, word_low, _, _]
                 if (to == station || FOR_ALL.contains(&to)) && self.is_sound() =>
             {
-                Some((u16::from_be_bytes([high, low]), u16::from_be_bytes([word_high, word_low])))
+                Some((
+                    u16::from_be_bytes([high, low]),
+                    u16::from_be_bytes([word_high, word_low]),
+                ))
             }
             _ => None,
         }
@@ -56,7 +59,10 @@ pub struct Record {
 
 impl Record {
     pub fn new(ends: usize) -> Self {
-        Self { frames: Vec::new(), newest: vec![None; ends] }
+        Self {
+            frames: Vec::new(),
+            newest: vec![None; ends],
+        }
     }
 
     pub fn add(&mut self, character: &Character) {
@@ -103,7 +109,10 @@ pub fn meetings(frames: &[Frame], masters: &[usize]) -> Vec<Meeting> {
         }
         // It is over when one of them sends and no other has done so for a while.
         let (mut last, mut changed) = (newcomer, newcomer.start);
-        while let Some(next) = sent.get(place).filter(|next| next.start.since(changed) < HAS_LEFT) {
+        while let Some(next) = sent
+            .get(place)
+            .filter(|next| next.start.since(changed) < HAS_LEFT)
+        {
             if next.from != last.from {
                 changed = next.start;
             }
@@ -111,9 +120,21 @@ pub fn meetings(frames: &[Frame], masters: &[usize]) -> Vec<Meeting> {
             place += 1;
         }
         let during = |frame: &&&Frame| frame.start >= newcomer.start && frame.start <= last.start;
-        let left: Vec<_> = sent.iter().filter(during).filter(|frame| frame.from != last.from).collect();
-        let lasted = left.iter().map(|frame| frame.end.since(newcomer.start)).max().unwrap_or_default();
-        meetings.push(Meeting { at: newcomer.start, frames: left.len(), lasted });
+        let left: Vec<_> = sent
+            .iter()
+            .filter(during)
+            .filter(|frame| frame.from != last.from)
+            .collect();
+        let lasted = left
+            .iter()
+            .map(|frame| frame.end.since(newcomer.start))
+            .max()
+            .unwrap_or_default();
+        meetings.push(Meeting {
+            at: newcomer.start,
+            frames: left.len(),
+            lasted,
+        });
     }
     meetings
 }
@@ -123,31 +144,65 @@ mod tests {
     use super::*;
 
     fn frame(from: usize, start_ms: u64) -> Frame {
-        let (start, end) = (MonoTime::from_millis(start_ms), MonoTime::from_millis(start_ms + 8));
-        Frame { from, start, end, bytes: Vec::new(), is_damaged: false }
+        let (start, end) = (
+            MonoTime::from_millis(start_ms),
+            MonoTime::from_millis(start_ms + 8),
+        );
+        Frame {
+            from,
+            start,
+            end,
+            bytes: Vec::new(),
+            is_damaged: false,
+        }
     }
 
     fn seen(frames: &[(usize, u64)]) -> Vec<(usize, u128)> {
         let frames: Vec<_> = frames.iter().map(|(from, at)| frame(*from, *at)).collect();
-        meetings(&frames, &[0, 1]).iter().map(|meeting| (meeting.frames, meeting.lasted.as_millis())).collect()
+        meetings(&frames, &[0, 1])
+            .iter()
+            .map(|meeting| (meeting.frames, meeting.lasted.as_millis()))
+            .collect()
     }
 
     #[test]
     fn one_that_takes_a_silent_line_meets_nobody() {
-        assert_eq!(seen(&[(0, 0), (0, 100), (1, 2_600), (1, 2_700), (0, 9_000)]), []);
-        assert_eq!(seen(&[(0, 0), (2, 10), (0, 100), (2, 110)]), [], "drives are no masters");
+        assert_eq!(
+            seen(&[(0, 0), (0, 100), (1, 2_600), (1, 2_700), (0, 9_000)]),
+            []
+        );
+        assert_eq!(
+            seen(&[(0, 0), (2, 10), (0, 100), (2, 110)]),
+            [],
+            "drives are no masters"
+        );
     }
 
     #[test]
     fn one_frame_into_the_line_of_another_is_a_meeting_of_one_frame() {
-        assert_eq!(seen(&[(0, 0), (0, 100), (1, 150), (0, 200), (0, 300), (0, 1_400)]), [(1, 8)]);
+        assert_eq!(
+            seen(&[(0, 0), (0, 100), (1, 150), (0, 200), (0, 300), (0, 1_400)]),
+            [(1, 8)]
+        );
         // The first one has said nothing behind the frame of the newcomer.
-        assert_eq!(seen(&[(0, 0), (0, 100), (1, 150), (1, 200), (1, 1_400)]), [(0, 0)]);
+        assert_eq!(
+            seen(&[(0, 0), (0, 100), (1, 150), (1, 200), (1, 1_400)]),
+            [(0, 0)]
+        );
     }
 
     #[test]
     fn two_who_stay_are_counted_until_one_leaves() {
-        let both = [(0, 0), (1, 500), (0, 600), (1, 700), (0, 800), (1, 900), (1, 1_900), (1, 2_500)];
+        let both = [
+            (0, 0),
+            (1, 500),
+            (0, 600),
+            (1, 700),
+            (0, 800),
+            (1, 900),
+            (1, 1_900),
+            (1, 2_500),
+        ];
         assert_eq!(seen(&both), [(2, 308)]);
     }
 }

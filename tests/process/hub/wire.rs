@@ -47,7 +47,12 @@ impl Wire {
     /// A pair with `ends` ends whose characters last for `character` each.
     pub fn new(ends: usize, character: Duration) -> Self {
         let ends = (0..ends).map(|_| End::default()).collect();
-        Self { character, ends, cut_behind: None, random: fastrand::Rng::with_seed(1) }
+        Self {
+            character,
+            ends,
+            cut_behind: None,
+            random: fastrand::Rng::with_seed(1),
+        }
     }
 
     /// Cuts the pair behind an end, or repairs it.
@@ -61,7 +66,13 @@ impl Wire {
         for byte in bytes {
             let start = speaker.busy_until.max(at);
             speaker.busy_until = start + self.character;
-            let character = Character { from: end, start, end: speaker.busy_until, sent: *byte, heard: *byte };
+            let character = Character {
+                from: end,
+                start,
+                end: speaker.busy_until,
+                sent: *byte,
+                heard: *byte,
+            };
             speaker.waiting.push_back(character);
         }
     }
@@ -81,18 +92,28 @@ impl Wire {
 
     /// When the first of those that speak now will have said all.
     pub fn next_pause(&self) -> Option<MonoTime> {
-        self.ends.iter().filter(|end| !end.waiting.is_empty()).map(|end| end.busy_until).min()
+        self.ends
+            .iter()
+            .filter(|end| !end.waiting.is_empty())
+            .map(|end| end.busy_until)
+            .min()
     }
 
     /// The next character that is over at `until`, and the ends that hear it.
     pub fn take(&mut self, until: MonoTime) -> Option<(Character, Vec<usize>)> {
-        let first = self.ends.iter().filter_map(|end| end.waiting.front()).min_by_key(|character| character.end)?;
+        let first = self
+            .ends
+            .iter()
+            .filter_map(|end| end.waiting.front())
+            .min_by_key(|character| character.end)?;
         if first.end > until {
             return None;
         }
         let mut character = *first;
-        let others = (0..self.ends.len()).filter(|end| *end != character.from && self.reaches(character.from, *end));
-        let (speaking, listening): (Vec<_>, Vec<_>) = others.partition(|end| self.ends[*end].speaks_during(&character));
+        let others = (0..self.ends.len())
+            .filter(|end| *end != character.from && self.reaches(character.from, *end));
+        let (speaking, listening): (Vec<_>, Vec<_>) =
+            others.partition(|end| self.ends[*end].speaks_during(&character));
         if !speaking.is_empty() {
             character.heard ^= self.random.u8(1..);
         }
@@ -103,14 +124,19 @@ impl Wire {
     }
 
     fn reaches(&self, from: usize, to: usize) -> bool {
-        self.cut_behind.is_none_or(|cut| (from <= cut) == (to <= cut))
+        self.cut_behind
+            .is_none_or(|cut| (from <= cut) == (to <= cut))
     }
 }
 
 impl End {
     fn speaks_during(&self, character: &Character) -> bool {
         let spoke = self.spoke_until > character.start;
-        spoke || self.waiting.front().is_some_and(|next| next.start < character.end)
+        spoke
+            || self
+                .waiting
+                .front()
+                .is_some_and(|next| next.start < character.end)
     }
 }
 
@@ -143,7 +169,11 @@ mod tests {
         assert_eq!(heard(&mut wire, 10), [b"", b"", b""]);
         assert_eq!(heard(&mut wire, 11), [b"a", &b""[..], b"a"]);
         wire.put(ms(11), 1, b"c");
-        assert_eq!(heard(&mut wire, 13), [b"bc", &b""[..], b"bc"], "one behind the other");
+        assert_eq!(
+            heard(&mut wire, 13),
+            [b"bc", &b""[..], b"bc"],
+            "one behind the other"
+        );
         assert_eq!(wire.next_pause(), None);
     }
 
@@ -156,7 +186,10 @@ mod tests {
         assert_eq!((first.as_slice(), last.as_slice()), (&b""[..], &b"a"[..]));
         assert_eq!(between.len(), 4);
         assert_eq!(between[0], b'a');
-        assert!(between[1] != b'b' && between[2] != b'x' && between[3] != b'c', "{between:?}");
+        assert!(
+            between[1] != b'b' && between[2] != b'x' && between[3] != b'c',
+            "{between:?}"
+        );
     }
 
     #[test]

@@ -27,10 +27,22 @@ impl Plant {
         let pair = Pair::new(9_600);
         for half in &pair.halves {
             let text = std::fs::read_to_string(&half.file).unwrap();
-            let text = text.replace("from = [\"modbus-tcp\"]", "from = [\"modbus-tcp\", \"mqtt\"]");
-            std::fs::write(&half.file, format!("{text}\n[mqtt]\nbroker = \"mqtt://{}\"\n", broker.address())).unwrap();
+            let text = text.replace(
+                "from = [\"modbus-tcp\"]",
+                "from = [\"modbus-tcp\", \"mqtt\"]",
+            );
+            std::fs::write(
+                &half.file,
+                format!("{text}\n[mqtt]\nbroker = \"mqtt://{}\"\n", broker.address()),
+            )
+            .unwrap();
         }
-        let mut plant = Self { pair, broker, outsider, _place: place };
+        let mut plant = Self {
+            pair,
+            broker,
+            outsider,
+            _place: place,
+        };
         plant.pair.start_one_behind_the_other();
         plant.wait_for_last("status", |it| it == "online");
         plant.wait_for_last("standby/b", |it| role(it).as_deref() == Some("listening"));
@@ -38,20 +50,29 @@ impl Plant {
     }
 
     fn all(&self, topic: &str) -> Vec<String> {
-        self.outsider.on(&format!("plant/{topic}")).into_iter().map(|it| it.payload).collect()
+        self.outsider
+            .on(&format!("plant/{topic}"))
+            .into_iter()
+            .map(|it| it.payload)
+            .collect()
     }
 
     /// Waits until the last message on `topic` is one like this.
     #[track_caller]
     fn wait_for_last(&self, topic: &str, is: impl Fn(&str) -> bool) {
         let what = format!("the last one on {topic}, of {:?}", self.all(topic));
-        until(&what, PATIENCE, || self.all(topic).last().filter(|it| is(it)).map(|_| ()));
+        until(&what, PATIENCE, || {
+            self.all(topic).last().filter(|it| is(it)).map(|_| ())
+        });
     }
 
     /// Commands the drive at station 2 to run until a gateway carries it out.
     #[track_caller]
     fn runs(&self, hertz: f64, name: &str) {
-        self.does(&format!(r#""run": "forward", "frequency_hz": {hertz:.1}"#), name);
+        self.does(
+            &format!(r#""run": "forward", "frequency_hz": {hertz:.1}"#),
+            name,
+        );
     }
 
     /// Commands the drive at station 2 until a gateway carries it out. The command that was has one result, and no other one has
@@ -62,20 +83,32 @@ impl Plant {
         let id = until("a command is carried out", PATIENCE, || {
             count += 1;
             let id = format!("{name}-{count}");
-            self.broker.publish("vfd/plant/drive/pump-2/command", &format!(r#"{{"id": "{id}", {what}}}"#));
+            self.broker.publish(
+                "vfd/plant/drive/pump-2/command",
+                &format!(r#"{{"id": "{id}", {what}}}"#),
+            );
             let outcome = until("it is answered", PATIENCE, || {
                 let last = self.final_results(&id).pop()?;
                 Some(last["outcome"].as_str().unwrap().to_owned())
             });
-            ["acknowledged", "confirmed"].contains(&outcome.as_str()).then_some(id)
+            ["acknowledged", "confirmed"]
+                .contains(&outcome.as_str())
+                .then_some(id)
         });
-        assert_eq!(self.final_results(&id).len(), 1, "{:?}", self.all("drive/pump-2/result"));
+        assert_eq!(
+            self.final_results(&id).len(),
+            1,
+            "{:?}",
+            self.all("drive/pump-2/result")
+        );
     }
 
     /// The events of trips so far, of a kind.
     fn events(&self, kind: &str) -> Vec<Value> {
-        let events =
-            self.all("drive/pump-2/trip/event").into_iter().map(|it| serde_json::from_str::<Value>(&it).unwrap());
+        let events = self
+            .all("drive/pump-2/trip/event")
+            .into_iter()
+            .map(|it| serde_json::from_str::<Value>(&it).unwrap());
         events.filter(|it| it["kind"] == kind).collect()
     }
 
@@ -105,7 +138,9 @@ impl Plant {
         until(&format!("the journal has {count} {kind}"), PATIENCE, || {
             let output = vfd_gateway(&["journal", "trips", "--json", "-c", file]);
             let said = String::from_utf8(output.stdout).unwrap();
-            let rows = said.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+            let rows = said
+                .lines()
+                .map(|line| serde_json::from_str::<Value>(line).unwrap());
             (rows.filter(|row| row["kind"] == kind).count() == count).then_some(())
         });
     }
@@ -118,7 +153,9 @@ impl Plant {
             serde_json::from_str::<Value>(it).is_ok_and(|it| it["code"] == cause)
         });
         self.wait_for_last("drive/pump-2/trip/active", |it| it == "true");
-        until("the trip is told", PATIENCE, || (self.events("tripped").len() >= count).then_some(()));
+        until("the trip is told", PATIENCE, || {
+            (self.events("tripped").len() >= count).then_some(())
+        });
     }
 
     /// Resets the drive behind its `count`th trip and lets it run, which shows to a listener that the trip is over. The half at
@@ -131,22 +168,38 @@ impl Plant {
             self.has_kept(*end, "cleared", count);
         }
         self.wait_for_last("drive/pump-2/trip/active", |it| it == "false");
-        until("its end is told", PATIENCE, || (self.events("cleared").len() >= count).then_some(()));
+        until("its end is told", PATIENCE, || {
+            (self.events("cleared").len() >= count).then_some(())
+        });
     }
 
     fn final_results(&self, id: &str) -> Vec<Value> {
-        let results = self.all("drive/pump-2/result").into_iter().map(|it| serde_json::from_str::<Value>(&it).unwrap());
-        results.filter(|it| it["id"] == id && it["final"] == true).collect()
+        let results = self
+            .all("drive/pump-2/result")
+            .into_iter()
+            .map(|it| serde_json::from_str::<Value>(&it).unwrap());
+        results
+            .filter(|it| it["id"] == id && it["final"] == true)
+            .collect()
     }
 }
 
 /// Whether the half at `end` of `pair` has it from the broker that its partner is there.
 fn knows_its_partner(pair: &Pair, end: usize, is_there: bool) {
-    until(&format!("the partner is there: {is_there}"), PATIENCE, || {
-        let output = vfd_gateway(&["health", "--json", "-c", pair.half(end).file.to_str().unwrap()]);
-        let health: Value = serde_json::from_slice(&output.stdout).ok()?;
-        (health["mqtt"]["partner_online"] == is_there).then_some(())
-    });
+    until(
+        &format!("the partner is there: {is_there}"),
+        PATIENCE,
+        || {
+            let output = vfd_gateway(&[
+                "health",
+                "--json",
+                "-c",
+                pair.half(end).file.to_str().unwrap(),
+            ]);
+            let health: Value = serde_json::from_slice(&output.stdout).ok()?;
+            (health["mqtt"]["partner_online"] == is_there).then_some(())
+        },
+    );
 }
 
 /// The role on its line in the document of a half; `None` if it is offline.
@@ -161,7 +214,10 @@ fn a_killed_half_hides_the_other_from_no_one_for_long() {
     plant.wait_for_last("line/hall-1/active", |it| it == "a");
     plant.wait_for_last("drive/pump-2/availability", |it| it == "online");
     plant.runs(30.0, "at-a");
-    let (status, shown) = (plant.all("status").len(), plant.all("drive/pump-2/availability").len());
+    let (status, shown) = (
+        plant.all("status").len(),
+        plant.all("drive/pump-2/availability").len(),
+    );
 
     knows_its_partner(&plant.pair, A, true);
     knows_its_partner(&plant.pair, B, true);
@@ -171,12 +227,22 @@ fn a_killed_half_hides_the_other_from_no_one_for_long() {
     assert_eq!(plant.all("status")[status..], ["offline", "online"]);
     plant.wait_for_last("standby/a", |it| role(it).is_none());
     plant.wait_for_last("standby/b", |it| role(it).as_deref() == Some("active"));
-    assert!(plant.all("drive/pump-2/availability")[shown..].iter().all(|it| it == "online"));
-    assert!(plant.all("drive/pump-2/availability").len() > shown, "it is published again");
+    assert!(
+        plant.all("drive/pump-2/availability")[shown..]
+            .iter()
+            .all(|it| it == "online")
+    );
+    assert!(
+        plant.all("drive/pump-2/availability").len() > shown,
+        "it is published again"
+    );
     plant.runs(20.0, "at-b");
 
     // It is back and listens: nothing of that is seen but its own document.
-    let (status, actives) = (plant.all("status").len(), plant.all("line/hall-1/active").len());
+    let (status, actives) = (
+        plant.all("status").len(),
+        plant.all("line/hall-1/active").len(),
+    );
     plant.pair.start(A);
     plant.wait_for_last("standby/a", |it| role(it).as_deref() == Some("listening"));
     plant.runs(25.0, "still-at-b");
@@ -185,7 +251,9 @@ fn a_killed_half_hides_the_other_from_no_one_for_long() {
 
     // The end of a listener is seen for a moment only.
     plant.pair.kill(A);
-    until("both words are there", PATIENCE, || (plant.all("status").len() >= status + 2).then_some(()));
+    until("both words are there", PATIENCE, || {
+        (plant.all("status").len() >= status + 2).then_some(())
+    });
     assert_eq!(plant.all("status")[status..], ["offline", "online"]);
     plant.wait_for_last("standby/a", |it| role(it).is_none());
     knows_its_partner(&plant.pair, B, false);
@@ -200,7 +268,12 @@ fn a_listener_that_is_ended_in_good_order_leaves_the_gateway_online() {
     plant.pair.program(B).terminate();
     plant.wait_for_last("standby/b", |it| role(it).is_none());
     plant.runs(30.0, "alone");
-    assert_eq!(plant.all("status").len(), status, "{:?}", plant.all("status"));
+    assert_eq!(
+        plant.all("status").len(),
+        status,
+        "{:?}",
+        plant.all("status")
+    );
     plant.pair.program(A).terminate();
     plant.wait_for_last("status", |it| it == "offline");
 }
@@ -237,8 +310,18 @@ fn a_trip_that_both_halves_have_heard_is_told_once_and_the_next_ones_follow_behi
     let of = |key: &str| told.iter().map(|it| it[key].clone()).collect::<Vec<_>>();
     assert_eq!(of("count"), [1, 2, 3], "{told:?}");
     assert_eq!(of("code"), [5, 9, 3], "{told:?}");
-    let [first, second, third] = &of("session")[..] else { unreachable!() };
-    assert!(first != second && first == third, "each journal numbers its own: {told:?}");
-    assert_eq!(plant.events("cleared").len(), 2, "{:?}", plant.events("cleared"));
+    let [first, second, third] = &of("session")[..] else {
+        unreachable!()
+    };
+    assert!(
+        first != second && first == third,
+        "each journal numbers its own: {told:?}"
+    );
+    assert_eq!(
+        plant.events("cleared").len(),
+        2,
+        "{:?}",
+        plant.events("cleared")
+    );
     plant.pair.assert_one_master();
 }

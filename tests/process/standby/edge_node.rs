@@ -31,19 +31,34 @@ impl Plant {
         let http = [(); 2].map(|()| SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
         for (half, http) in pair.halves.iter().zip(http) {
             let text = std::fs::read_to_string(&half.file).unwrap();
-            let text = text.replace("from = [\"modbus-tcp\"]", "from = [\"modbus-tcp\", \"sparkplug\"]");
-            let mqtt = format!("\n[mqtt]\nbroker = \"mqtt://{}\"\nversion = {version}\n", broker.address());
+            let text = text.replace(
+                "from = [\"modbus-tcp\"]",
+                "from = [\"modbus-tcp\", \"sparkplug\"]",
+            );
+            let mqtt = format!(
+                "\n[mqtt]\nbroker = \"mqtt://{}\"\nversion = {version}\n",
+                broker.address()
+            );
             let sparkplug = "\n[mqtt.sparkplug]\ngroup = \"plant-a\"\nprimary_host = \"scada\"\n";
             let http = format!("\n[http]\nlisten = \"{http}\"\n");
             std::fs::write(&half.file, text + &mqtt + sparkplug + &http).unwrap();
         }
-        Self { pair, scada, http, _broker: broker, _place: place }
+        Self {
+            pair,
+            scada,
+            http,
+            _broker: broker,
+            _place: place,
+        }
     }
 
     /// What the half at `end` says of its connection as an edge node; `None` where it has none to have.
     fn is_connected(&self, end: usize) -> Option<bool> {
-        let (_, metrics) = get(self.http[usize::from(end == B)], "/metrics").expect("the metrics are served");
-        let value = metrics.lines().find_map(|line| line.strip_prefix("vfd_gateway_sparkplug_connected "))?;
+        let (_, metrics) =
+            get(self.http[usize::from(end == B)], "/metrics").expect("the metrics are served");
+        let value = metrics
+            .lines()
+            .find_map(|line| line.strip_prefix("vfd_gateway_sparkplug_connected "))?;
         Some(value.trim() == "1.0")
     }
 
@@ -51,19 +66,23 @@ impl Plant {
     fn is_born(&self, seen: usize) -> Value {
         let birth = self.scada.wait_for_kind("NBIRTH", seen);
         for drive in ["pump-1", "pump-2"] {
-            self.scada.wait_for(&format!("the birth of {drive}"), seen, |it| {
-                (it["kind"] == "DBIRTH" && it["device"] == drive).then_some(())
-            });
+            self.scada
+                .wait_for(&format!("the birth of {drive}"), seen, |it| {
+                    (it["kind"] == "DBIRTH" && it["device"] == drive).then_some(())
+                });
         }
         birth
     }
 
     /// Waits until pump-2 shows this output behind `seen` messages.
     fn puts_out(&self, hertz: f64, seen: usize) {
-        self.scada.wait_for(&format!("{hertz} Hz"), seen, |message| {
-            let is_it = |it: &Value| it["name"] == "frequency/output" && it["value"].as_f64() == Some(hertz);
-            (message["device"] == "pump-2" && metrics(message).iter().any(is_it)).then_some(())
-        });
+        self.scada
+            .wait_for(&format!("{hertz} Hz"), seen, |message| {
+                let is_it = |it: &Value| {
+                    it["name"] == "frequency/output" && it["value"].as_f64() == Some(hertz)
+                };
+                (message["device"] == "pump-2" && metrics(message).iter().any(is_it)).then_some(())
+            });
     }
 
     /// Stops pump-2 and commands it until it puts out what it shall.
@@ -84,14 +103,18 @@ impl Plant {
     }
 
     fn says(&self, metrics: &Value) {
-        self.scada.say(&json!({ "to": "DCMD/plant/pump-2", "metrics": metrics }));
+        self.scada
+            .say(&json!({ "to": "DCMD/plant/pump-2", "metrics": metrics }));
     }
 
     fn shows(&self, hertz: f64, seen: usize) -> bool {
         let seen = self.scada.seen().into_iter().skip(seen);
         let of_drive = seen.filter(|it| it["device"] == "pump-2");
-        let is_it = |it: &Value| it["name"] == "frequency/output" && it["value"].as_f64() == Some(hertz);
-        of_drive.into_iter().any(|it| metrics(&it).iter().any(is_it))
+        let is_it =
+            |it: &Value| it["name"] == "frequency/output" && it["value"].as_f64() == Some(hertz);
+        of_drive
+            .into_iter()
+            .any(|it| metrics(&it).iter().any(is_it))
     }
 
     /// There was never an NBIRTH while another one was alive, each NDEATH has the number of the birth before it, and what
@@ -127,7 +150,11 @@ fn a_host_sees_one_node_over_take_overs(version: &str) {
     let seen = plant.scada.seen().len();
     plant.pair.kill(A);
     assert_eq!(plant.scada.wait_for_kind("NDEATH", seen)["bdseq"], 0);
-    assert_eq!(plant.is_born(seen)["bdseq"], 0, "the first connection of the other half");
+    assert_eq!(
+        plant.is_born(seen)["bdseq"],
+        0,
+        "the first connection of the other half"
+    );
     // It was left running, as is declared for it.
     plant.puts_out(30.0, seen);
     plant.runs(20.0);
@@ -176,11 +203,22 @@ fn a_half_that_hung_leaves_the_node_to_the_other_when_it_goes_on() {
     let goes_on = plant.pair.hub.count();
     plant.pair.wait_for_requests(B, A_WHILE, goes_on);
     plant.runs(20.0);
-    assert_eq!(plant.assert_one_at_a_time(), [0, 0], "the one that goes on is not born again");
+    assert_eq!(
+        plant.assert_one_at_a_time(),
+        [0, 0],
+        "the one that goes on is not born again"
+    );
     // That the other one has taken its connection over is in order: no rival, and nothing is missing.
-    until("the other one is the node", PATIENCE, || (plant.is_connected(B) == Some(true)).then_some(()));
+    until("the other one is the node", PATIENCE, || {
+        (plant.is_connected(B) == Some(true)).then_some(())
+    });
     assert_eq!(plant.is_connected(A), None);
-    let health = vfd_gateway(&["health", "--json", "-c", plant.pair.half(A).file.to_str().unwrap()]);
+    let health = vfd_gateway(&[
+        "health",
+        "--json",
+        "-c",
+        plant.pair.half(A).file.to_str().unwrap(),
+    ]);
     let health: Value = serde_json::from_slice(&health.stdout).unwrap();
     assert_eq!(health["sparkplug"]["contested"], false, "{health}");
     plant.pair.assert_one_master();
@@ -193,8 +231,17 @@ fn a_node_is_handed_over_and_the_motor_runs_on() {
     plant.is_born(0);
     plant.runs(30.0);
     let seen = plant.scada.seen().len();
-    let yields = vfd_gateway(&["standby", "yield", "-c", plant.pair.half(A).file.to_str().unwrap()]);
-    assert_says(&yields, 0, &["line hall-1: another gateway sends on the line now"]);
+    let yields = vfd_gateway(&[
+        "standby",
+        "yield",
+        "-c",
+        plant.pair.half(A).file.to_str().unwrap(),
+    ]);
+    assert_says(
+        &yields,
+        0,
+        &["line hall-1: another gateway sends on the line now"],
+    );
     plant.scada.wait_for_kind("NDEATH", seen);
     plant.is_born(seen);
     plant.puts_out(30.0, seen);

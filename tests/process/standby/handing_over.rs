@@ -18,40 +18,74 @@ fn ask(pair: &Pair, end: usize, words: &[&str]) -> Output {
 
 /// Writes that went over the bus behind the first `seen` frames.
 fn writes(pair: &Pair, seen: usize) -> usize {
-    pair.orders(seen).iter().filter(|(_, station, ..)| (1..=2).contains(station)).count()
+    pair.orders(seen)
+        .iter()
+        .filter(|(_, station, ..)| (1..=2).contains(station))
+        .count()
 }
 
 #[test]
 fn a_line_is_handed_over_and_no_motor_stops() {
     let mut pair = running();
-    assert_says(&ask(&pair, A, &["health", "--active"]), 0, &["active on hall-1"]);
-    assert_says(&ask(&pair, B, &["health", "--active"]), 1, &["not active: it only listens on hall-1"]);
-    assert_says(&ask(&pair, B, &["standby", "yield", "hall-1"]), 1, &["this gateway does not send on the line"]);
+    assert_says(
+        &ask(&pair, A, &["health", "--active"]),
+        0,
+        &["active on hall-1"],
+    );
+    assert_says(
+        &ask(&pair, B, &["health", "--active"]),
+        1,
+        &["not active: it only listens on hall-1"],
+    );
+    assert_says(
+        &ask(&pair, B, &["standby", "yield", "hall-1"]),
+        1,
+        &["this gateway does not send on the line"],
+    );
     for unit in [101, 102] {
         until("the listener has seen that it runs", PATIENCE, || {
             let state = Raw::connect(pair.half(B).modbus).read_unit(unit, RUN_STATE, 1);
-            RUNS.iter().any(|runs| state == Ok(vec![*runs])).then_some(())
+            RUNS.iter()
+                .any(|runs| state == Ok(vec![*runs]))
+                .then_some(())
         });
     }
     let seen = pair.hub.count();
-    assert_says(&ask(&pair, A, &["standby", "yield"]), 0, &["line hall-1: another gateway sends on the line now"]);
+    assert_says(
+        &ask(&pair, A, &["standby", "yield"]),
+        0,
+        &["line hall-1: another gateway sends on the line now"],
+    );
     pair.wait_for_requests(B, A_WHILE, seen);
     assert_eq!(writes(&pair, seen), 0, "{:?}", pair.orders(seen));
     pair.assert_turns(1);
     pair.assert_turns(2);
-    assert_says(&ask(&pair, A, &["standby"]), 0, &["a is listening; b sends; taken over 1, given up 1, rivals 0"]);
+    assert_says(
+        &ask(&pair, A, &["standby"]),
+        0,
+        &["a is listening; b sends; taken over 1, given up 1, rivals 0"],
+    );
     let told = until("it knows that the other one listens", PATIENCE, || {
         let told = String::from_utf8(ask(&pair, B, &["standby"]).stdout).unwrap();
         (!told.contains("not known yet")).then_some(told)
     });
-    assert!(told.contains("b is active; a would take over; taken over 1, given up 0, rivals 0"), "{told}");
-    assert_says(&ask(&pair, B, &["health", "--active"]), 0, &["active on hall-1"]);
+    assert!(
+        told.contains("b is active; a would take over; taken over 1, given up 0, rivals 0"),
+        "{told}"
+    );
+    assert_says(
+        &ask(&pair, B, &["health", "--active"]),
+        0,
+        &["active on hall-1"],
+    );
     let audit = ask(&pair, A, &["journal", "audit"]);
     assert_says(&audit, 0, &["standby yield hall-1", "confirmed"]);
 
     // A reload that restarts the line does the same.
     let file = pair.half(B).file.clone();
-    let changed = std::fs::read_to_string(&file).unwrap().replace("poll = \"250ms\"", "poll = \"300ms\"");
+    let changed = std::fs::read_to_string(&file)
+        .unwrap()
+        .replace("poll = \"250ms\"", "poll = \"300ms\"");
     std::fs::write(&file, changed).unwrap();
     let seen = pair.hub.count();
     assert_says(&ask(&pair, B, &["reload"]), 0, &["hall-1"]);

@@ -59,48 +59,96 @@ fn how_long_a_drive_runs_on_when_its_gateway_is_lost() {
     let bounds = BAUDS.map(|baud| (baud, Bounds::checked(&Pair::new(baud))));
     let cases: Vec<_> = bounds
         .iter()
-        .flat_map(|(baud, bounds)| [Loss::Kill, Loss::Hang, Loss::Unplug].map(|loss| (*baud, loss, bounds)))
+        .flat_map(|(baud, bounds)| {
+            [Loss::Kill, Loss::Hang, Loss::Unplug].map(|loss| (*baud, loss, bounds))
+        })
         .collect();
     let rows: Vec<_> = std::thread::scope(|scope| {
         let cases = &cases;
         let players: Vec<_> = (0..buses)
             .map(|bus| {
                 scope.spawn(move || {
-                    let mine = cases.iter().enumerate().filter(|(number, _)| number % buses == bus);
-                    mine.map(|(number, (baud, loss, bounds))| (number, measured(*baud, *loss, bounds, rounds)))
-                        .collect::<Vec<_>>()
+                    let mine = cases
+                        .iter()
+                        .enumerate()
+                        .filter(|(number, _)| number % buses == bus);
+                    mine.map(|(number, (baud, loss, bounds))| {
+                        (number, measured(*baud, *loss, bounds, rounds))
+                    })
+                    .collect::<Vec<_>>()
                 })
             })
             .collect();
-        let mut rows: Vec<_> = players.into_iter().flat_map(|player| player.join().unwrap()).collect();
+        let mut rows: Vec<_> = players
+            .into_iter()
+            .flat_map(|player| player.join().unwrap())
+            .collect();
         rows.sort_by_key(|row| row.0);
         rows.into_iter().flat_map(|row| row.1).collect()
     });
-    println!("{rounds} rounds of each, {buses} buses at once, {:.0?}", clock::now().since(begun));
+    println!(
+        "{rounds} rounds of each, {buses} buses at once, {:.0?}",
+        clock::now().since(begun)
+    );
     print_times(&rows);
-    assert!(rows.iter().all(|row| row.wrong == 0 && row.met.iter().all(|(frames, _)| *frames <= 1)));
+    assert!(
+        rows.iter()
+            .all(|row| row.wrong == 0 && row.met.iter().all(|(frames, _)| *frames <= 1))
+    );
 }
 
 /// Two tables for the document, and what is said beside them.
 fn print_times(rows: &[Found]) {
     const EDGES: &str = "bit/s | the active gateway is | rank of the other one";
     println!("\nSeconds, each median, 99 %, longest and what `check` says. Without commands:\n");
-    println!("| {EDGES} | first STOP after | all values fresh after |\n| --- | --- | --- | --- | --- |");
+    println!(
+        "| {EDGES} | first STOP after | all values fresh after |\n| --- | --- | --- | --- | --- |"
+    );
     for row in rows {
-        let (stop, fresh) = (column(&row.until_stop, row.bounds.stop), column(&row.until_fresh, row.bounds.fresh));
-        println!("| {} | {} | {} | {stop} | {fresh} |", row.baud, row.loss, row.rank);
+        let (stop, fresh) = (
+            column(&row.until_stop, row.bounds.stop),
+            column(&row.until_fresh, row.bounds.fresh),
+        );
+        println!(
+            "| {} | {} | {} | {stop} | {fresh} |",
+            row.baud, row.loss, row.rank
+        );
     }
     println!("\nWith a client that runs the other drive as soon as it may:\n");
-    println!("| {EDGES} | RUN carried out after | all values fresh after |\n| --- | --- | --- | --- | --- |");
+    println!(
+        "| {EDGES} | RUN carried out after | all values fresh after |\n| --- | --- | --- | --- | --- |"
+    );
     for row in rows {
-        let [command, fresh] =
-            [&row.until_command, &row.until_fresh_beside].map(|times| column(times, row.bounds.fresh));
-        println!("| {} | {} | {} | {command} | {fresh} |", row.baud, row.loss, row.rank);
+        let [command, fresh] = [&row.until_command, &row.until_fresh_beside]
+            .map(|times| column(times, row.bounds.fresh));
+        println!(
+            "| {} | {} | {} | {command} | {fresh} |",
+            row.baud, row.loss, row.rank
+        );
     }
     println!();
-    for Found { baud, loss, rank, until_stop, until_command, beyond, met, wrong, .. } in rows {
-        let longest = met.iter().map(|(_, lasted)| *lasted).max().unwrap_or_default();
-        let most = met.iter().map(|(frames, _)| *frames).max().unwrap_or_default();
+    for Found {
+        baud,
+        loss,
+        rank,
+        until_stop,
+        until_command,
+        beyond,
+        met,
+        wrong,
+        ..
+    } in rows
+    {
+        let longest = met
+            .iter()
+            .map(|(_, lasted)| *lasted)
+            .max()
+            .unwrap_or_default();
+        let most = met
+            .iter()
+            .map(|(frames, _)| *frames)
+            .max()
+            .unwrap_or_default();
         println!(
             "{baud}, {loss}, rank {rank}: {beyond} of {} times beyond `check`; two masters {} times, at most {most} \
              frames and {:.0} ms; {wrong} wrong orders",
@@ -115,10 +163,18 @@ fn print_times(rows: &[Found]) {
 pub fn column(times: &[Duration], bound: Duration) -> String {
     let mut times = times.to_vec();
     times.sort();
-    let at =
-        |hundredths: usize| times.get((times.len() * hundredths / 100).min(times.len().saturating_sub(1))).copied();
+    let at = |hundredths: usize| {
+        times
+            .get((times.len() * hundredths / 100).min(times.len().saturating_sub(1)))
+            .copied()
+    };
     let all = [at(50), at(99), at(100), Some(bound)];
-    let shown = all.map(|time| time.map_or_else(|| "-".to_owned(), |time| format!("{:.2}", time.as_secs_f64())));
+    let shown = all.map(|time| {
+        time.map_or_else(
+            || "-".to_owned(),
+            |time| format!("{:.2}", time.as_secs_f64()),
+        )
+    });
     shown.join(", ")
 }
 
@@ -150,11 +206,17 @@ fn measured(baud: u32, loss: Loss, bounds: &[Bounds; 2], rounds: usize) -> [Foun
         let wrong = wrong_orders(&pair, next, seen, watched.commanded);
         let met = meetings(&pair.hub.frames(from), &[A, B]);
         if wrong > 0 || met.iter().any(|meeting| meeting.frames > 1) {
-            println!("{baud}, {loss}, round {round}: {:?}, {met:?}", pair.orders(seen));
+            println!(
+                "{baud}, {loss}, round {round}: {:?}, {met:?}",
+                pair.orders(seen)
+            );
             println!("{}", pair.told(pair.hub.frames(seen)));
         }
         found.wrong += wrong;
-        found.met.extend(met.into_iter().map(|meeting| (meeting.frames, meeting.lasted)));
+        found.met.extend(
+            met.into_iter()
+                .map(|meeting| (meeting.frames, meeting.lasted)),
+        );
     }
     of_ranks
 }
@@ -181,10 +243,22 @@ impl Found {
         let (stop, fresh) = (stop_at.since(lost_at), watched.fresh_at.since(lost_at));
         let command = watched.commanded.map(|it| it.answered_at.since(lost_at));
         self.until_stop.push(stop);
-        if command.is_some() { &mut self.until_fresh_beside } else { &mut self.until_fresh }.push(fresh);
+        if command.is_some() {
+            &mut self.until_fresh_beside
+        } else {
+            &mut self.until_fresh
+        }
+        .push(fresh);
         self.until_command.extend(command);
-        let Bounds { stop: first_stop, fresh: all_fresh } = self.bounds;
-        let beyond = [stop > first_stop, fresh > all_fresh, command.is_some_and(|it| it > all_fresh)];
+        let Bounds {
+            stop: first_stop,
+            fresh: all_fresh,
+        } = self.bounds;
+        let beyond = [
+            stop > first_stop,
+            fresh > all_fresh,
+            command.is_some_and(|it| it > all_fresh),
+        ];
         self.beyond += beyond.into_iter().filter(|it| *it).count();
     }
 }
@@ -218,8 +292,16 @@ fn stall_again_and_again(bus: usize, rounds: usize) {
         std::thread::sleep(Duration::from_millis(random.u64(0..6_000)));
         let orders = pair.orders(seen);
         let met = meetings(&pair.hub.frames(from), &[A, B]);
-        assert!(orders.iter().all(|order| (order.1, order.2, order.3) == (1, STOP.0, STOP.1)), "{round}: {orders:?}");
-        assert!(met.iter().all(|meeting| meeting.frames <= 1), "{round}: {met:?}");
+        assert!(
+            orders
+                .iter()
+                .all(|order| (order.1, order.2, order.3) == (1, STOP.0, STOP.1)),
+            "{round}: {orders:?}"
+        );
+        assert!(
+            met.iter().all(|meeting| meeting.frames <= 1),
+            "{round}: {met:?}"
+        );
         let now = pair.hub.count();
         changes += usize::from(pair.wait_for_master(now) != active);
     }

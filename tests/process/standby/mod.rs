@@ -103,8 +103,16 @@ fn a_gateway_that_hung_alone_listens_before_it_sends_again() {
     let (goes_on, seen) = (clock::now(), pair.hub.count());
     pair.program(A).signal("CONT");
     pair.wait_for_requests(A, 1, seen);
-    let first = pair.hub.frames(seen).into_iter().find(|frame| frame.from == A).unwrap();
-    assert!(first.start.since(goes_on) >= LISTENS_AT_LEAST, "{first:?}, it goes on at {goes_on:?}");
+    let first = pair
+        .hub
+        .frames(seen)
+        .into_iter()
+        .find(|frame| frame.from == A)
+        .unwrap();
+    assert!(
+        first.start.since(goes_on) >= LISTENS_AT_LEAST,
+        "{first:?}, it goes on at {goes_on:?}"
+    );
 }
 
 #[test]
@@ -148,7 +156,11 @@ fn a_listener_refuses_commands_by_its_reason_and_shows_what_it_hears() {
         assert!(refused.is_err(), "{word} to {register}: {refused:?}");
         let mut client = Raw::connect(pair.half(B).modbus);
         let reason = client.read_unit(102, REASON, 1);
-        assert_eq!(reason, Ok(vec![Reason::Standby.number()]), "{word} to {register}");
+        assert_eq!(
+            reason,
+            Ok(vec![Reason::Standby.number()]),
+            "{word} to {register}"
+        );
     }
     pair.wait_for_requests(A, A_WHILE, seen);
     assert_eq!(pair.orders(seen), []);
@@ -160,9 +172,15 @@ fn a_listener_refuses_commands_by_its_reason_and_shows_what_it_hears() {
         (matches!(output(A).as_deref(), Ok([3000])) && output(B) == output(A)).then_some(())
     });
     // So are registers of the drive itself, after orders that were heard.
-    until("a native read is answered from what was heard", PATIENCE, || {
-        Raw::connect(pair.half(B).modbus).read_unit(2, 0x0101, 1).ok()
-    });
+    until(
+        "a native read is answered from what was heard",
+        PATIENCE,
+        || {
+            Raw::connect(pair.half(B).modbus)
+                .read_unit(2, 0x0101, 1)
+                .ok()
+        },
+    );
 }
 
 /// Where the pair is cut between them, both are masters of their own half. Nothing is promised then, but it must end well.
@@ -181,18 +199,29 @@ fn when_a_cut_pair_is_whole_again_one_of_the_two_masters_leaves() {
     // A stop whose effect it has not seen goes out from the other one, too.
     let mut rest = requests(pair.hub.frames(left));
     rest.retain(|frame| frame.from == other(active));
-    assert_eq!(orders(rest.clone()).len(), rest.len(), "stops at most: {rest:?}");
+    assert_eq!(
+        orders(rest.clone()).len(),
+        rest.len(),
+        "stops at most: {rest:?}"
+    );
     let met = meetings(&pair.hub.frames(seen), &[A, B]);
     println!("{met:?}");
     if std::env::var("TELL").is_ok() {
         println!("{}", pair.told(pair.hub.frames(seen)));
     }
-    assert!(pair.orders(seen).iter().all(|order| order.3 == 0), "no motion: {:?}", pair.orders(seen));
+    assert!(
+        pair.orders(seen).iter().all(|order| order.3 == 0),
+        "no motion: {:?}",
+        pair.orders(seen)
+    );
 }
 
 #[test]
 fn adapters_that_hear_themselves_make_no_rivals() {
-    let mut pair = Pair::with(Wish { echoes: true, ..Wish::at(9_600) });
+    let mut pair = Pair::with(Wish {
+        echoes: true,
+        ..Wish::at(9_600)
+    });
     pair.start_one_behind_the_other();
     pair.run(A, 1);
     pair.kill(A);
@@ -210,7 +239,10 @@ fn adapters_that_hear_themselves_make_no_rivals() {
 #[test]
 fn a_listener_understands_frames_that_come_in_pieces() {
     for (baud, hold_back_ms) in [(9_600, 6), (38_400, 16)] {
-        let mut pair = Pair::with(Wish { hold_back: Duration::from_millis(hold_back_ms), ..Wish::at(baud) });
+        let mut pair = Pair::with(Wish {
+            hold_back: Duration::from_millis(hold_back_ms),
+            ..Wish::at(baud)
+        });
         pair.start_one_behind_the_other();
         pair.run(A, 1);
         let seen = pair.hub.count();
@@ -227,7 +259,10 @@ fn a_listener_understands_frames_that_come_in_pieces() {
 
 #[test]
 fn where_no_drive_answers_there_is_one_master_at_a_time() {
-    let mut pair = Pair::with(Wish { drives_are_off: true, ..Wish::at(9_600) });
+    let mut pair = Pair::with(Wish {
+        drives_are_off: true,
+        ..Wish::at(9_600)
+    });
     pair.start_one_behind_the_other();
     std::thread::sleep(Duration::from_secs(30));
     pair.assert_one_master();

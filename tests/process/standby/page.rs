@@ -22,13 +22,23 @@ fn pair(broker: &Mosquitto) -> (Pair, [SocketAddr; 2]) {
     let pages = [(); 2].map(|()| SocketAddr::from((Ipv4Addr::LOCALHOST, free_port())));
     for (half, page) in pair.halves.iter().zip(pages) {
         let text = std::fs::read_to_string(&half.file).unwrap();
-        let text = text.replace("from = [\"modbus-tcp\"]", "from = [\"modbus-tcp\", \"page\"]");
+        let text = text.replace(
+            "from = [\"modbus-tcp\"]",
+            "from = [\"modbus-tcp\", \"page\"]",
+        );
         let user = |name: &str, role: &str| {
-            format!("\n[[http.users]]\nname = \"{name}\"\nrole = \"{role}\"\npassword_hash = \"{}\"\n", hash())
+            format!(
+                "\n[[http.users]]\nname = \"{name}\"\nrole = \"{role}\"\npassword_hash = \"{}\"\n",
+                hash()
+            )
         };
         let users = user("anna", "maintain") + &user("bob", "operate");
         let mqtt = format!("\n[mqtt]\nbroker = \"mqtt://{}\"\n", broker.address());
-        std::fs::write(&half.file, format!("{text}{mqtt}\n[http]\nlisten = \"{page}\"\n{users}")).unwrap();
+        std::fs::write(
+            &half.file,
+            format!("{text}{mqtt}\n[http]\nlisten = \"{page}\"\n{users}"),
+        )
+        .unwrap();
     }
     pair.start_one_behind_the_other();
     pair.run(A, 1);
@@ -45,7 +55,12 @@ fn anna(page: SocketAddr) -> Browser {
 }
 
 fn assert_is_active(pair: &Pair, end: usize) {
-    let health = vfd_gateway(&["health", "--active", "-c", pair.half(end).file.to_str().unwrap()]);
+    let health = vfd_gateway(&[
+        "health",
+        "--active",
+        "-c",
+        pair.half(end).file.to_str().unwrap(),
+    ]);
     assert_says(&health, 0, &["active on hall-1"]);
 }
 
@@ -67,10 +82,18 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     drop(bob);
 
     let browser = anna(at_a);
-    browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));
+    browser.wait(&format!(
+        "document.querySelector('{BUTTON}').checkVisibility()"
+    ));
     browser.wait_for_text(BUTTON, "Hand over to b");
     let title = browser.script(&format!("return document.querySelector('{BUTTON}').title"));
-    assert!(title.as_str().unwrap().contains("Nothing changes unless b answers."), "{title}");
+    assert!(
+        title
+            .as_str()
+            .unwrap()
+            .contains("Nothing changes unless b answers."),
+        "{title}"
+    );
     browser.click(BUTTON);
     browser.wait_for_text(BUTTON, "Again: Hand over to b");
     assert_is_active(&pair, A);
@@ -78,10 +101,16 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     browser.hold(BUTTON);
     browser.wait_for_text(RESULT, "handed over: another gateway sends here now");
     browser.wait_for_text(STATE, "listening");
-    browser.wait(&format!("!document.querySelector('{BUTTON}').checkVisibility()"));
+    browser.wait(&format!(
+        "!document.querySelector('{BUTTON}').checkVisibility()"
+    ));
     assert_is_active(&pair, B);
     pair.wait_for_requests(B, A_WHILE, seen);
-    let writes: Vec<_> = pair.orders(seen).into_iter().filter(|order| (1..=2).contains(&order.1)).collect();
+    let writes: Vec<_> = pair
+        .orders(seen)
+        .into_iter()
+        .filter(|order| (1..=2).contains(&order.1))
+        .collect();
     assert_eq!(writes, [], "no motor is ordered anything");
     pair.assert_turns(1);
     pair.assert_turns(2);
@@ -97,7 +126,9 @@ fn who_maintains_hands_a_line_over_from_the_page_and_no_motor_stops() {
     browser.wait_for_text("#advice", MISSING);
     browser.hold(BUTTON);
     browser.wait_for_text(RESULT, "kein anderes Gateway antwortet: nichts geändert");
-    browser.wait(&format!("document.querySelector('{BUTTON}').checkVisibility()"));
+    browser.wait(&format!(
+        "document.querySelector('{BUTTON}').checkVisibility()"
+    ));
     browser.resize(Window::PHONE);
     assert_nothing_sticks_out(&browser);
     assert_is_active(&pair, B);

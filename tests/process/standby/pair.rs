@@ -96,12 +96,30 @@ impl Pair {
     }
 
     pub fn with(wish: Wish<'_>) -> Self {
-        let Wish { baud, write, echoes, alone, .. } = wish;
+        let Wish {
+            baud,
+            write,
+            echoes,
+            alone,
+            ..
+        } = wish;
         let place = Place::new();
-        let port = |name: &str| if echoes { At::Echoing(place.file(name)) } else { At::Port(place.file(name)) };
+        let port = |name: &str| {
+            if echoes {
+                At::Echoing(place.file(name))
+            } else {
+                At::Port(place.file(name))
+            }
+        };
         let drives = At::Drives(if wish.drives_are_off { &[] } else { &[1, 2] });
         // At the fourth end a test may speak itself.
-        let ends = vec![port("line-a"), drives, port("line-b"), At::Port(place.file("foreign")), At::Babbler];
+        let ends = vec![
+            port("line-a"),
+            drives,
+            port("line-b"),
+            At::Port(place.file("foreign")),
+            At::Babbler,
+        ];
         let hub = Hub::holding_back(wish.hold_back, baud, ends);
         let echo = if echoes { "echo = \"strip\"\n" } else { "" };
         let halves = [(A, "a", "b", 0), (B, "b", "a", 1)].map(|(end, name, partner, rank)| {
@@ -183,7 +201,10 @@ impl Pair {
         until("one is active", PATIENCE, || {
             let now = vfd_gateway::daemon::host::clock::now();
             let requests = requests(self.hub.frames(seen));
-            let newest: Vec<_> = requests.iter().filter(|frame| now.since(frame.start) < time).collect();
+            let newest: Vec<_> = requests
+                .iter()
+                .filter(|frame| now.since(frame.start) < time)
+                .collect();
             let first = newest.first()?.from;
             (newest.len() > 1 && newest.iter().all(|frame| frame.from == first)).then_some(first)
         })
@@ -192,21 +213,30 @@ impl Pair {
     /// Waits until `end` has sent this many requests behind the first `seen` frames.
     pub fn wait_for_requests(&self, end: usize, count: usize, seen: usize) {
         until("it polls", PATIENCE, || {
-            (requests(self.hub.frames(seen)).iter().filter(|frame| frame.from == end).count() >= count).then_some(())
+            (requests(self.hub.frames(seen))
+                .iter()
+                .filter(|frame| frame.from == end)
+                .count()
+                >= count)
+                .then_some(())
         });
     }
 
     /// Waits for a frame from `end` that stops the drive at station 1, behind the first `seen` frames.
     pub fn wait_for_stop(&self, end: usize, seen: usize) -> Frame {
         until("the drive is stopped", PATIENCE, || {
-            self.hub.frames(seen).into_iter().find(|frame| frame.from == end && frame.written(1) == Some(STOP))
+            self.hub
+                .frames(seen)
+                .into_iter()
+                .find(|frame| frame.from == end && frame.written(1) == Some(STOP))
         })
     }
 
     /// Waits for a frame from either half that stops the drive at station 1 and is heard, behind the first `seen` frames;
     /// `None` if there is none for a long time.
     pub fn stop_by_any(&self, seen: usize) -> Option<Frame> {
-        let is_stop = |frame: &Frame| (frame.from == A || frame.from == B) && frame.written(1) == Some(STOP);
+        let is_stop =
+            |frame: &Frame| (frame.from == A || frame.from == B) && frame.written(1) == Some(STOP);
         let mut looks = 0..PATIENCE.as_millis() / 20;
         looks.find_map(|_| {
             std::thread::sleep(Duration::from_millis(20));
@@ -221,27 +251,33 @@ impl Pair {
                 self.write(end, station, register, word).ok()
             });
         }
-        until("the motor turns", PATIENCE, || (self.hub.output(station) > TURNS).then_some(()));
+        until("the motor turns", PATIENCE, || {
+            (self.hub.output(station) > TURNS).then_some(())
+        });
     }
 
     /// The same at the half that is active, which may change on a busy machine; returns its end.
     pub fn run_where_it_is_active(&self, station: u8) -> usize {
-        until("the motor turns by the order of the active half", PATIENCE, || {
-            let active = self.wait_for_master(self.hub.count());
-            for (register, word) in [(RUN_COMMAND, 0), (SETPOINT, 3000), (RUN_COMMAND, 1)] {
-                let mut tries = 0..300;
-                tries.find(|_| {
+        until(
+            "the motor turns by the order of the active half",
+            PATIENCE,
+            || {
+                let active = self.wait_for_master(self.hub.count());
+                for (register, word) in [(RUN_COMMAND, 0), (SETPOINT, 3000), (RUN_COMMAND, 1)] {
+                    let mut tries = 0..300;
+                    tries.find(|_| {
+                        std::thread::sleep(Duration::from_millis(10));
+                        self.write(active, station, register, word).is_ok()
+                    })?;
+                }
+                let mut looks = 0..300;
+                looks.find(|_| {
                     std::thread::sleep(Duration::from_millis(10));
-                    self.write(active, station, register, word).is_ok()
+                    self.hub.output(station) > TURNS
                 })?;
-            }
-            let mut looks = 0..300;
-            looks.find(|_| {
-                std::thread::sleep(Duration::from_millis(10));
-                self.hub.output(station) > TURNS
-            })?;
-            Some(active)
-        })
+                Some(active)
+            },
+        )
     }
 
     /// Writes to a uniform register of the drive at `station`.
@@ -250,11 +286,17 @@ impl Pair {
     }
 
     pub fn wait_until_it_stands(&self, station: u8) {
-        until("the motor stands", PATIENCE, || (self.hub.output(station) == 0).then_some(()));
+        until("the motor stands", PATIENCE, || {
+            (self.hub.output(station) == 0).then_some(())
+        });
     }
 
     pub fn assert_turns(&self, station: u8) {
-        assert!(self.hub.output(station) > TURNS, "station {station}: {} uHz", self.hub.output(station));
+        assert!(
+            self.hub.output(station) > TURNS,
+            "station {station}: {} uHz",
+            self.hub.output(station)
+        );
     }
 
     /// Whatever was sent behind the first `seen` frames that is no read.
@@ -267,15 +309,22 @@ impl Pair {
     pub fn assert_only_stopped_by(&self, end: usize, seen: usize) {
         let orders = self.orders(seen);
         let is_stop = |order: &Order| *order == (end, 1, STOP.0, STOP.1);
-        assert!(!orders.is_empty() && orders.iter().all(is_stop), "{orders:?}");
+        assert!(
+            !orders.is_empty() && orders.iter().all(is_stop),
+            "{orders:?}"
+        );
     }
 
     /// Among these frames `end` has sent none.
     #[track_caller]
     pub fn assert_silent(&self, end: usize, frames: impl RangeBounds<usize>) {
         let all = self.hub.frames(0).into_iter().enumerate();
-        let among = all.filter(|(number, _)| frames.contains(number)).map(|(_, frame)| frame);
-        let sent: Vec<_> = among.filter(|frame| frame.from == end && !frame.is_of_listener()).collect();
+        let among = all
+            .filter(|(number, _)| frames.contains(number))
+            .map(|(_, frame)| frame);
+        let sent: Vec<_> = among
+            .filter(|frame| frame.from == end && !frame.is_of_listener())
+            .collect();
         assert!(sent.is_empty(), "{sent:?}");
     }
 
@@ -289,7 +338,14 @@ impl Pair {
     /// These frames, and what the halves had to say so far.
     pub fn told(&self, frames: Vec<Frame>) -> String {
         let mut text = String::new();
-        for Frame { from, start, bytes, is_damaged, .. } in &frames {
+        for Frame {
+            from,
+            start,
+            bytes,
+            is_damaged,
+            ..
+        } in &frames
+        {
             let damaged = if *is_damaged { " damaged" } else { "" };
             let _ = writeln!(text, "{start:?} {from} {bytes:02X?}{damaged}");
         }
@@ -297,7 +353,10 @@ impl Pair {
             let said = half.program.as_ref().map(Started::text).unwrap_or_default();
             let lines: Vec<_> = said.lines().rev().take(LINES_TOLD).collect();
             let _ = writeln!(text, "half at {}:", half.end);
-            lines.iter().rev().for_each(|line| text.push_str(&format!("  {line}\n")));
+            lines
+                .iter()
+                .rev()
+                .for_each(|line| text.push_str(&format!("  {line}\n")));
         }
         text + &format!("now it is {:?}", vfd_gateway::daemon::host::clock::now())
     }
@@ -306,7 +365,11 @@ impl Pair {
     pub fn checked(&self, end: usize) -> String {
         let output = vfd_gateway(&["check", "-c", self.half(end).file.to_str().unwrap()]);
         let said = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{said}{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         said
     }
 }
@@ -317,16 +380,32 @@ impl Drop for Pair {
         if !std::thread::panicking() {
             return;
         }
-        println!("{}", self.told(self.hub.frames(self.hub.count().saturating_sub(FRAMES_TOLD))));
+        println!(
+            "{}",
+            self.told(
+                self.hub
+                    .frames(self.hub.count().saturating_sub(FRAMES_TOLD))
+            )
+        );
     }
 }
 
 impl Half {
     fn start(&mut self) {
         let run = program();
-        let mut words = self.inside.iter().map(String::as_str).chain([run.get_program().to_str().unwrap()]);
+        let mut words = self
+            .inside
+            .iter()
+            .map(String::as_str)
+            .chain([run.get_program().to_str().unwrap()]);
         let mut command = Command::new(words.next().unwrap());
-        command.args(words).args(run.get_args()).arg("run").arg("-c").arg(&self.file).env("RUST_LOG", "info");
+        command
+            .args(words)
+            .args(run.get_args())
+            .arg("run")
+            .arg("-c")
+            .arg(&self.file)
+            .env("RUST_LOG", "info");
         let started = Started::new(command);
         self.modbus = started.wait_for("where it listens", |line| {
             let fields = fields(line)?;
@@ -339,13 +418,17 @@ impl Half {
     pub fn wait_until_its_line_is_up(&self, count: usize) {
         let is_up = |line: &String| (fields(line)?["message"] == "line up").then_some(());
         let program = self.program.as_ref().expect("it was started");
-        until("the line is up", PATIENCE, || (program.find_all(is_up).len() >= count).then_some(()));
+        until("the line is up", PATIENCE, || {
+            (program.find_all(is_up).len() >= count).then_some(())
+        });
     }
 }
 
 /// What was sent by the halves among `frames` that is no read.
 pub fn orders(frames: Vec<Frame>) -> Vec<Order> {
-    let orders = requests(frames).into_iter().filter(|frame| !matches!(frame.bytes[1], 3 | 4 | 8));
+    let orders = requests(frames)
+        .into_iter()
+        .filter(|frame| !matches!(frame.bytes[1], 3 | 4 | 8));
     orders
         .map(|frame| {
             let number = |at: usize| u16::from_be_bytes([frame.bytes[at], frame.bytes[at + 1]]);
@@ -358,12 +441,16 @@ pub fn orders(frames: Vec<Frame>) -> Vec<Order> {
 pub fn requests(frames: Vec<Frame>) -> Vec<Frame> {
     frames
         .into_iter()
-        .filter(|frame| (frame.from == A || frame.from == B) && frame.is_sound() && !frame.is_of_listener())
+        .filter(|frame| {
+            (frame.from == A || frame.from == B) && frame.is_sound() && !frame.is_of_listener()
+        })
         .collect()
 }
 
 fn drive(station: u8, on_gateway_lost: Option<&str>) -> String {
-    let lost = on_gateway_lost.map(|action| format!("on_gateway_lost = \"{action}\"\n")).unwrap_or_default();
+    let lost = on_gateway_lost
+        .map(|action| format!("on_gateway_lost = \"{action}\"\n"))
+        .unwrap_or_default();
     format!(
         "\n[[line.drive]]\nname = \"pump-{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"250ms\"\n\n\
          [line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\

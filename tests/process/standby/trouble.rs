@@ -32,7 +32,12 @@ enum Trouble {
     BothOtherFirst,
 }
 
-const TROUBLES: [Trouble; 4] = [Trouble::Jam, Trouble::Deaf, Trouble::BothActiveFirst, Trouble::BothOtherFirst];
+const TROUBLES: [Trouble; 4] = [
+    Trouble::Jam,
+    Trouble::Deaf,
+    Trouble::BothActiveFirst,
+    Trouble::BothOtherFirst,
+];
 
 impl Display for Trouble {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -72,38 +77,80 @@ struct Found {
 #[ignore = "a measurement of many minutes"]
 fn how_long_a_drive_runs_on_in_trouble() {
     let (rounds, buses) = (measure::rounds(), measure::buses());
-    let cases: Vec<_> = measure::BAUDS.iter().flat_map(|baud| TROUBLES.map(|trouble| (*baud, trouble))).collect();
+    let cases: Vec<_> = measure::BAUDS
+        .iter()
+        .flat_map(|baud| TROUBLES.map(|trouble| (*baud, trouble)))
+        .collect();
     let mut rows: Vec<_> = std::thread::scope(|scope| {
         let cases = &cases;
         let players: Vec<_> = (0..buses)
             .map(|bus| {
                 scope.spawn(move || {
-                    let mine = cases.iter().enumerate().filter(|(number, _)| number % buses == bus);
-                    mine.map(|(number, (baud, trouble))| (number, measured(*baud, *trouble, rounds)))
-                        .collect::<Vec<_>>()
+                    let mine = cases
+                        .iter()
+                        .enumerate()
+                        .filter(|(number, _)| number % buses == bus);
+                    mine.map(|(number, (baud, trouble))| {
+                        (number, measured(*baud, *trouble, rounds))
+                    })
+                    .collect::<Vec<_>>()
                 })
             })
             .collect();
-        players.into_iter().flat_map(|player| player.join().unwrap()).collect()
+        players
+            .into_iter()
+            .flat_map(|player| player.join().unwrap())
+            .collect()
     });
     rows.sort_by_key(|row| row.0);
     println!(
         "\nSeconds until the first STOP, each median, 99 %, longest and the bound (`check`, and what the trouble adds):\n"
     );
     println!("| bit/s | what happens | first STOP after | ran on |\n| --- | --- | --- | --- |");
-    for (_, Found { baud, trouble, bound, until_stop, ran_on, .. }) in &rows {
-        println!("| {baud} | {trouble} | {} | {ran_on} of {rounds} |", measure::column(until_stop, *bound));
+    for (
+        _,
+        Found {
+            baud,
+            trouble,
+            bound,
+            until_stop,
+            ran_on,
+            ..
+        },
+    ) in &rows
+    {
+        println!(
+            "| {baud} | {trouble} | {} | {ran_on} of {rounds} |",
+            measure::column(until_stop, *bound)
+        );
     }
-    assert!(rows.iter().all(|(_, row)| row.wrong == 0 && row.ran_on == 0));
-    assert!(rows.iter().all(|(_, row)| row.until_stop.iter().all(|time| *time <= row.bound)));
+    assert!(
+        rows.iter()
+            .all(|(_, row)| row.wrong == 0 && row.ran_on == 0)
+    );
+    assert!(
+        rows.iter()
+            .all(|(_, row)| row.until_stop.iter().all(|time| *time <= row.bound))
+    );
 }
 
 fn measured(baud: u32, trouble: Trouble, rounds: usize) -> Found {
     let mut pair = Pair::new(baud);
     let mut random = fastrand::Rng::with_seed(baud.into());
-    let stop = Bounds::checked(&pair).map(|bounds| bounds.stop).into_iter().max().unwrap_or_default();
+    let stop = Bounds::checked(&pair)
+        .map(|bounds| bounds.stop)
+        .into_iter()
+        .max()
+        .unwrap_or_default();
     let bound = stop + trouble.more();
-    let mut found = Found { baud, trouble, bound, until_stop: Vec::new(), ran_on: 0, wrong: 0 };
+    let mut found = Found {
+        baud,
+        trouble,
+        bound,
+        until_stop: Vec::new(),
+        ran_on: 0,
+        wrong: 0,
+    };
     pair.start_one_behind_the_other();
     for round in 0..rounds {
         let active = pair.run_where_it_is_active(1);
@@ -117,14 +164,20 @@ fn measured(baud: u32, trouble: Trouble, rounds: usize) -> Found {
             Some(stop) => found.until_stop.push(stop.start.since(from)),
             None => {
                 found.ran_on += 1;
-                println!("{baud}, {trouble}, round {round}:\n{}", pair.told(pair.hub.frames(seen)));
+                println!(
+                    "{baud}, {trouble}, round {round}:\n{}",
+                    pair.told(pair.hub.frames(seen))
+                );
             }
         }
         if trouble == Trouble::Deaf {
             pair.hub.hears_again(active);
         }
         let orders = pair.orders(seen);
-        found.wrong += orders.iter().filter(|order| (order.2, order.3) != STOP).count();
+        found.wrong += orders
+            .iter()
+            .filter(|order| (order.2, order.3) != STOP)
+            .count();
         let seen = pair.hub.count();
         pair.wait_for_master_for(Duration::from_secs(3), seen);
         while pair.hub.output(1) != 0 {
@@ -138,7 +191,12 @@ fn measured(baud: u32, trouble: Trouble, rounds: usize) -> Found {
 }
 
 /// Lets it happen. Returns from when on the drive runs for too long.
-fn goes_wrong(pair: &mut Pair, active: usize, trouble: Trouble, random: &mut fastrand::Rng) -> MonoTime {
+fn goes_wrong(
+    pair: &mut Pair,
+    active: usize,
+    trouble: Trouble,
+    random: &mut fastrand::Rng,
+) -> MonoTime {
     match trouble {
         Trouble::Jam => {
             let lasts = Duration::from_millis(random.u64(200..JAM_MS));
@@ -151,7 +209,11 @@ fn goes_wrong(pair: &mut Pair, active: usize, trouble: Trouble, random: &mut fas
         }
         Trouble::Deaf => pair.hub.deafen(active),
         Trouble::BothActiveFirst | Trouble::BothOtherFirst => {
-            let first = if trouble == Trouble::BothActiveFirst { active } else { other(active) };
+            let first = if trouble == Trouble::BothActiveFirst {
+                active
+            } else {
+                other(active)
+            };
             pair.kill(other(active));
             let killed = pair.kill(active);
             pair.start_at_once(first);

@@ -21,20 +21,38 @@ impl Network {
         // A user who is not root becomes it in a user namespace, as far as the network is concerned.
         let is_root = rustix::process::geteuid().is_root();
         let mut outer = Command::new("unshare");
-        outer.args([if is_root { "-n" } else { "-rn" }, "sh", "-c", "echo ready; exec sleep infinity"]);
+        outer.args([
+            if is_root { "-n" } else { "-rn" },
+            "sh",
+            "-c",
+            "echo ready; exec sleep infinity",
+        ]);
         let client = ready(outer);
-        let hosts =
-            [(); 2].map(|()| ready(inside(&client, &["unshare", "-n", "sh", "-c", "echo ready; exec sleep infinity"])));
+        let hosts = [(); 2].map(|()| {
+            ready(inside(
+                &client,
+                &[
+                    "unshare",
+                    "-n",
+                    "sh",
+                    "-c",
+                    "echo ready; exec sleep infinity",
+                ],
+            ))
+        });
         let network = Self { client, hosts };
-        network.on_client("ip link set lo up && ip link add name switch type bridge && ip link set switch up");
+        network.on_client(
+            "ip link set lo up && ip link add name switch type bridge && ip link set switch up",
+        );
         network.on_client("ip addr add 192.0.2.100/24 dev switch");
         for (number, host) in network.hosts.iter().enumerate() {
             let (name, pid, address) = (format!("to-{number}"), host.id(), number + 1);
             network.on_client(&format!(
                 "ip link add name {name} type veth peer name eth0 netns {pid} && ip link set {name} master switch up"
             ));
-            let on_host =
-                format!("ip link set lo up && ip link set eth0 up && ip addr add 192.0.2.{address}/24 dev eth0");
+            let on_host = format!(
+                "ip link set lo up && ip link set eth0 up && ip addr add 192.0.2.{address}/24 dev eth0"
+            );
             assert_done(&run(network.on_host(number, &["sh", "-c", &on_host])));
         }
         network
@@ -57,8 +75,14 @@ impl Network {
 
     /// The output frequency of the drive at station 1 in 0.01 Hz, read by mbpoll at the virtual address.
     fn output(&self) -> Option<u16> {
-        let words = ["mbpoll", "-m", "tcp", "-p", "1502", "-a", "1", "-0", "-1", "-r", "257", "-c", "1", VIRTUAL];
-        mbpoll_output(&mut inside(&self.client, &words)).values.first().copied()
+        let words = [
+            "mbpoll", "-m", "tcp", "-p", "1502", "-a", "1", "-0", "-1", "-r", "257", "-c", "1",
+            VIRTUAL,
+        ];
+        mbpoll_output(&mut inside(&self.client, &words))
+            .values
+            .first()
+            .copied()
     }
 }
 
@@ -67,7 +91,10 @@ fn inside(program: &Started, words: &[&str]) -> Command {
     let mut command = Command::new("nsenter");
     // What configures a network is not in everybody's path.
     let path = std::env::var("PATH").unwrap_or_default();
-    command.args(entering(program)).args(words).env("PATH", format!("{path}:/usr/sbin:/sbin"));
+    command
+        .args(entering(program))
+        .args(words)
+        .env("PATH", format!("{path}:/usr/sbin:/sbin"));
     command
 }
 
@@ -93,7 +120,11 @@ fn run(mut command: Command) -> Output {
 
 #[track_caller]
 fn assert_done(output: &Output) {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
 
 /// keepalived on a host of the pair, with the delivered configuration and the places of this test in it.
@@ -105,7 +136,10 @@ fn keepalived(network: &Network, number: usize, place: &Place, pair: &Pair) -> S
         ("/usr/bin/vfd-gateway", env!("CARGO_BIN_EXE_vfd-gateway")),
         ("/etc/vfd-gateway/vfd-gateway.toml", &config),
         // The gateways of this test run as the user of this test.
-        ("script_user vfd-gateway vfd-gateway", "script_user root root"),
+        (
+            "script_user vfd-gateway vfd-gateway",
+            "script_user root root",
+        ),
         // The directories of a developer may be open to a group.
         ("enable_script_security", ""),
     ] {
@@ -113,7 +147,12 @@ fn keepalived(network: &Network, number: usize, place: &Place, pair: &Pair) -> S
         text = text.replace(delivered, ours);
     }
     let file = place.write(&format!("keepalived-{number}.conf"), &text);
-    let option = |name: &str, file: &str| format!("{name}={}", place.file(&format!("{file}-{number}")).display());
+    let option = |name: &str, file: &str| {
+        format!(
+            "{name}={}",
+            place.file(&format!("{file}-{number}")).display()
+        )
+    };
     let words = [
         "keepalived".to_owned(),
         "--dont-fork".to_owned(),
@@ -128,7 +167,11 @@ fn keepalived(network: &Network, number: usize, place: &Place, pair: &Pair) -> S
 #[test]
 fn one_address_follows_the_active_gateway_and_clients_read_through_it() {
     let network = Network::new();
-    let mut pair = Pair::with(Wish { listen: ["0.0.0.0:1502"; 2], write: "192.0.2.0/24", ..Wish::at(9_600) });
+    let mut pair = Pair::with(Wish {
+        listen: ["0.0.0.0:1502"; 2],
+        write: "192.0.2.0/24",
+        ..Wish::at(9_600)
+    });
     for (number, half) in pair.halves.iter_mut().enumerate() {
         half.inside = [vec!["nsenter".to_owned()], entering(&network.hosts[number])].concat();
     }
@@ -143,7 +186,9 @@ fn one_address_follows_the_active_gateway_and_clients_read_through_it() {
         until("the drive is read there", PATIENCE, || network.output());
         let active = |end: usize| {
             let config = pair.half(end).file.to_str().unwrap();
-            vfd_gateway(&["health", "--active", "-c", config]).status.code()
+            vfd_gateway(&["health", "--active", "-c", config])
+                .status
+                .code()
         };
         assert_eq!(active(end), Some(0), "{}", keepers[at(end)].text());
     };

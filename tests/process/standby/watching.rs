@@ -37,9 +37,12 @@ impl Bounds {
     pub fn checked(pair: &Pair) -> [Self; 2] {
         [A, B].map(|end| {
             let said = pair.checked(end);
-            let [stop, fresh] = ["first STOP after ", "fresh values and commands after "].map(|what| {
-                said.split_once(what).and_then(|(_, rest)| time(rest)).unwrap_or_else(|| panic!("no {what}in:\n{said}"))
-            });
+            let [stop, fresh] =
+                ["first STOP after ", "fresh values and commands after "].map(|what| {
+                    said.split_once(what)
+                        .and_then(|(_, rest)| time(rest))
+                        .unwrap_or_else(|| panic!("no {what}in:\n{said}"))
+                });
             Self { stop, fresh }
         })
     }
@@ -77,7 +80,10 @@ pub fn watch(pair: &Pair, end: usize, seen: usize, commands: bool) -> Watched {
     std::thread::scope(|scope| {
         let reader = scope.spawn(|| wait_for_fresh_values(pair, end, seen));
         let commanded = commands.then(|| command(pair, end));
-        Watched { fresh_at: reader.join().unwrap(), commanded }
+        Watched {
+            fresh_at: reader.join().unwrap(),
+            commanded,
+        }
     })
 }
 
@@ -123,8 +129,13 @@ fn command(pair: &Pair, end: usize) -> Commanded {
         }
         (client.ask(unit, &RUN) == RUN_IS_TAKEN).then(clock::now)
     });
-    until("the drive is stopped again", PATIENCE, || client.write(unit, RUN_COMMAND, 0).ok());
-    Commanded { answered_at, idle_until: idle_until.expect("it has sent an order") }
+    until("the drive is stopped again", PATIENCE, || {
+        client.write(unit, RUN_COMMAND, 0).ok()
+    });
+    Commanded {
+        answered_at,
+        idle_until: idle_until.expect("it has sent an order"),
+    }
 }
 
 /// Orders behind the first `seen` frames other than the declared stop of station 1 by the half at `end`, and what its client
@@ -132,12 +143,23 @@ fn command(pair: &Pair, end: usize) -> Commanded {
 pub fn wrong_orders(pair: &Pair, end: usize, seen: usize, commanded: Option<Commanded>) -> usize {
     let is_declared = |order: &Order| *order == (end, 1, STOP.0, STOP.1);
     // With the declared stop still to be sent, its STOP goes to both drives in one frame.
-    let stops_all = |order: &Order| order.0 == end && FOR_ALL.contains(&order.1) && (order.2, order.3) == STOP;
-    let is_commanded = |order: &Order| (order.0, order.1) == (end, COMMANDED) && ORDERED.contains(&(order.2, order.3));
+    let stops_all =
+        |order: &Order| order.0 == end && FOR_ALL.contains(&order.1) && (order.2, order.3) == STOP;
+    let is_commanded = |order: &Order| {
+        (order.0, order.1) == (end, COMMANDED) && ORDERED.contains(&(order.2, order.3))
+    };
     let is_of_client = |order: &Order| is_commanded(order) || stops_all(order);
     let mut before = pair.hub.frames(seen);
-    let behind = commanded.map(|it| before.split_off(it.idle_until - seen)).unwrap_or_default();
-    let wrong_before = orders(before).iter().filter(|order| !is_declared(order)).count();
-    let wrong_behind = orders(behind).iter().filter(|order| !is_declared(order) && !is_of_client(order)).count();
+    let behind = commanded
+        .map(|it| before.split_off(it.idle_until - seen))
+        .unwrap_or_default();
+    let wrong_before = orders(before)
+        .iter()
+        .filter(|order| !is_declared(order))
+        .count();
+    let wrong_behind = orders(behind)
+        .iter()
+        .filter(|order| !is_declared(order) && !is_of_client(order))
+        .count();
     wrong_before + wrong_behind
 }

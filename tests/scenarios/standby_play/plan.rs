@@ -21,8 +21,12 @@ const MODELS: [&str; 8] = [
 ];
 
 /// What a half that takes the line may have to do. A drive that is held or adopted for good proves nothing.
-const ACTIONS: [OnGatewayLost; 4] =
-    [OnGatewayLost::Coast, OnGatewayLost::Stop, OnGatewayLost::Stop, OnGatewayLost::Adopt];
+const ACTIONS: [OnGatewayLost; 4] = [
+    OnGatewayLost::Coast,
+    OnGatewayLost::Stop,
+    OnGatewayLost::Stop,
+    OnGatewayLost::Adopt,
+];
 
 /// How the client gives its orders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +91,10 @@ impl Kind {
 
     /// Whether the half sends nothing that is heard.
     pub const fn is_silence(self) -> bool {
-        matches!(self, Self::Kill(_) | Self::Suspend(_) | Self::Unplug(_) | Self::Mute(_))
+        matches!(
+            self,
+            Self::Kill(_) | Self::Suspend(_) | Self::Unplug(_) | Self::Mute(_)
+        )
     }
 
     /// Whether each half hears what the other one sends.
@@ -156,19 +163,34 @@ impl Draw {
             1 => one(Kind::Jam(MS(self.of(&[10, 60, 300]))), ends),
             2 => one(Kind::DrivesAway, ends),
             3 => one(Kind::Noisy, ends),
-            4 => one(Kind::Foreign(self.ms(150, 700)), ends.filter(|_| self.one_of(2))),
+            4 => one(
+                Kind::Foreign(self.ms(150, 700)),
+                ends.filter(|_| self.one_of(2)),
+            ),
             5 => one(Kind::Kill(half), ends.filter(|_| !self.one_of(3))),
             6 => one(Kind::Suspend(half), ends),
             7 => one(Kind::Unplug(half), ends),
             8 => one(Kind::Deaf(half), ends.filter(|_| self.one_of(2))),
             9 => one(Kind::Mute(half), ends.filter(|_| self.one_of(2))),
             10 => one(Kind::OffSpeed(half), ends.filter(|_| self.one_of(2))),
-            11 => one(Kind::Mishears(half, self.of(&[5, 40, 300])), ends.filter(|_| self.one_of(2))),
-            12 => one(Kind::Misspeaks(half, self.of(&[5, 40, 300])), ends.filter(|_| self.one_of(2))),
+            11 => one(
+                Kind::Mishears(half, self.of(&[5, 40, 300])),
+                ends.filter(|_| self.one_of(2)),
+            ),
+            12 => one(
+                Kind::Misspeaks(half, self.of(&[5, 40, 300])),
+                ends.filter(|_| self.one_of(2)),
+            ),
             // A blip of the cabinet's supply.
             _ => {
                 let backs = [self.ms(500, 3_000), self.ms(500, 3_000)];
-                (0..2).map(|half| Trouble { kind: Kind::Kill(half), from, until: Some(from + backs[half]) }).collect()
+                (0..2)
+                    .map(|half| Trouble {
+                        kind: Kind::Kill(half),
+                        from,
+                        until: Some(from + backs[half]),
+                    })
+                    .collect()
             }
         }
     }
@@ -178,7 +200,13 @@ impl Plan {
     /// The half that is deaf or babbles for ever, if that is all that goes wrong.
     pub fn ill(&self) -> Option<usize> {
         match self.troubles[..] {
-            [Trouble { kind: Kind::Deaf(half) | Kind::OffSpeed(half), until: None, .. }] => Some(half),
+            [
+                Trouble {
+                    kind: Kind::Deaf(half) | Kind::OffSpeed(half),
+                    until: None,
+                    ..
+                },
+            ] => Some(half),
             _ => None,
         }
     }
@@ -188,7 +216,12 @@ impl Plan {
     pub fn falls_silent(&self, bound: Duration) -> Option<Duration> {
         let first = self.troubles.iter().min_by_key(|it| it.from)?;
         let is_long = first.until.is_none_or(|until| until > first.from + bound);
-        let is_alone = self.troubles.iter().filter(|it| it.from < first.from + bound).count() == 1;
+        let is_alone = self
+            .troubles
+            .iter()
+            .filter(|it| it.from < first.from + bound)
+            .count()
+            == 1;
         let acts = self.action != OnGatewayLost::Adopt && self.listens_from.is_none();
         let is_silent = first.kind.is_silence() && first.kind.half() == Some(0);
         (is_silent && is_long && is_alone && acts).then_some(first.from)
@@ -197,19 +230,27 @@ impl Plan {
     pub fn of(seed: u64) -> Self {
         let mut draw = Draw(fastrand::Rng::with_seed(seed));
         let id = draw.of(&MODELS);
-        let model = walked().iter().find(|model| model.id == id).expect("it is built in");
+        let model = walked()
+            .iter()
+            .find(|model| model.id == id)
+            .expect("it is built in");
         let has_coast = model.order(OrderKind::Coast).is_some();
         let mut troubles = draw.troubles();
         if draw.one_of(2) {
             let more = draw.troubles();
             // One fault of a kind at a time.
-            let is_there =
-                |it: &Trouble| troubles.iter().any(|other| discriminant(&other.kind) == discriminant(&it.kind));
+            let is_there = |it: &Trouble| {
+                troubles
+                    .iter()
+                    .any(|other| discriminant(&other.kind) == discriminant(&it.kind))
+            };
             let more: Vec<_> = more.into_iter().filter(|it| !is_there(it)).collect();
             troubles.extend(more);
         }
         let first = troubles.iter().map(|it| it.from).min().unwrap_or_default();
-        let listens_from = draw.one_of(4).then(|| first.saturating_sub(draw.ms(100, 3_500)));
+        let listens_from = draw
+            .one_of(4)
+            .then(|| first.saturating_sub(draw.ms(100, 3_500)));
         Self {
             seed,
             model: Arc::clone(model),

@@ -75,25 +75,40 @@ pub fn play(plan: &Plan, count: usize) -> Seen {
 }
 
 fn options(plan: &Plan) -> RigOptions {
-    let settings = ControlSettings { on_gateway_lost: Some(plan.action), lost_after: plan.lost_after, ..accepting() };
-    RigOptions { drives: DRIVES, seed: plan.seed, keeps: plan.remembers, ..options_of(&plan.model, settings) }
+    let settings = ControlSettings {
+        on_gateway_lost: Some(plan.action),
+        lost_after: plan.lost_after,
+        ..accepting()
+    };
+    RigOptions {
+        drives: DRIVES,
+        seed: plan.seed,
+        keeps: plan.remembers,
+        ..options_of(&plan.model, settings)
+    }
 }
 
 impl<'a> Play<'a> {
     fn new(plan: &'a Plan, count: usize) -> Self {
         let mut pair = Pair::new(count, &options(plan));
-        pair.bus.connect(FOREIGN_DRIVE, SimDrive::new(std::sync::Arc::clone(&plan.model), Default::default()));
+        pair.bus.connect(
+            FOREIGN_DRIVE,
+            SimDrive::new(std::sync::Arc::clone(&plan.model), Default::default()),
+        );
         let bounds = pair.halves[0].setup.stop_bounds();
         let exchange = bounds.all_healthy.max(bounds.one_silent);
         let shortest = StandbyTimes::shortest(&pair.halves[0].setup.timing, exchange);
         for (rank, half) in (0..).zip(&mut pair.halves) {
             half.setup.standby = (count > 1).then(|| shortest.with(None, rank));
-            half.memory = plan.remembers.then(|| vec![Default::default(); usize::from(DRIVES)]);
+            half.memory = plan
+                .remembers
+                .then(|| vec![Default::default(); usize::from(DRIVES)]);
         }
         // Whoever takes the line over has waited for the longest of the ranks.
         let take_over = shortest.with(None, 1).worst_take_over();
         let first_stop = exchange + take_over + exchange;
-        let bound = first_stop + bounds.each_further + StandbyTimes::waits_after_silence() + MS(200);
+        let bound =
+            first_stop + bounds.each_further + StandbyTimes::waits_after_silence() + MS(200);
         for half in 0..count {
             if half == 0 || plan.listens_from.is_none() {
                 pair.start(half);
@@ -147,7 +162,12 @@ impl<'a> Play<'a> {
         self.orders_run(true);
         self.pass(MS(2_000));
         self.repeats_at = self.pair.now;
-        assert_eq!(self.ran, vec![true; usize::from(DRIVES)], "seed {}: the drives run", self.plan.seed);
+        assert_eq!(
+            self.ran,
+            vec![true; usize::from(DRIVES)],
+            "seed {}: the drives run",
+            self.plan.seed
+        );
     }
 
     const fn origin(&self) -> Origin {
@@ -171,7 +191,8 @@ impl<'a> Play<'a> {
                     Form::Once if !is_first => {}
                     Form::Once | Form::Cyclic => {
                         let origin = self.origin();
-                        self.pair.command(half, origin, index, run(Direction::Forward, Some(3000)));
+                        self.pair
+                            .command(half, origin, index, run(Direction::Forward, Some(3000)));
                     }
                     Form::Native => self.writes(half, index, OrderKind::Forward),
                 }
@@ -181,7 +202,12 @@ impl<'a> Play<'a> {
 
     /// The client writes the word of an order.
     fn writes(&mut self, half: usize, index: u16, kind: OrderKind) {
-        let (address, word) = self.plan.model.order(kind).map(|(at, fact)| (at, fact.value)).expect("it has the order");
+        let (address, word) = self
+            .plan
+            .model
+            .order(kind)
+            .map(|(at, fact)| (at, fact.value))
+            .expect("it has the order");
         self.pair.write(half, index, address, word);
     }
 
@@ -219,7 +245,11 @@ impl<'a> Play<'a> {
             }
         }
         let (listens, ends) = (usize::MAX, usize::MAX - 1);
-        events.extend(plan.listens_from.filter(|_| self.count > 1).map(|from| (from, listens, true)));
+        events.extend(
+            plan.listens_from
+                .filter(|_| self.count > 1)
+                .map(|from| (from, listens, true)),
+        );
         events.push((plan.end_at, ends, true));
         events.sort_by_key(|(at, ..)| *at);
         let mut going_on: Vec<Trouble> = Vec::new();
@@ -238,14 +268,26 @@ impl<'a> Play<'a> {
             }
             self.sets_faults(&going_on);
         }
-        let last = plan.troubles.iter().filter_map(|it| it.until).chain([plan.end_at]).max().unwrap_or_default();
+        let last = plan
+            .troubles
+            .iter()
+            .filter_map(|it| it.until)
+            .chain([plan.end_at])
+            .max()
+            .unwrap_or_default();
         self.until(self.begin + last.max(plan.end_at + plan.lost_after) + REST);
     }
 
     fn begins(&mut self, trouble: Trouble) {
         let until = self.begin + trouble.until.unwrap_or_default();
         match trouble.kind {
-            Kind::Jam(pause) => self.pair.jam = Some(Jam { next_at: self.pair.now, until, pause }),
+            Kind::Jam(pause) => {
+                self.pair.jam = Some(Jam {
+                    next_at: self.pair.now,
+                    until,
+                    pause,
+                })
+            }
             Kind::Kill(half) => self.pair.kill(half),
             Kind::Suspend(half) => self.pair.halves[half].is_suspended = true,
             Kind::Unplug(half) => self.pair.unplug(half),
@@ -268,8 +310,18 @@ impl<'a> Play<'a> {
     fn sets_faults(&mut self, going_on: &[Trouble]) {
         let goes_on = |kind: Kind| going_on.iter().any(|it| it.kind == kind);
         self.pair.drives_are_cut = goes_on(Kind::DrivesAway);
-        let noise = FaultPlan { noise: 100, lost: 150, cut: 100, flip: 250, ..FaultPlan::NONE };
-        self.pair.bus.set_faults(if goes_on(Kind::Noisy) { noise } else { FaultPlan::NONE });
+        let noise = FaultPlan {
+            noise: 100,
+            lost: 150,
+            cut: 100,
+            flip: 250,
+            ..FaultPlan::NONE
+        };
+        self.pair.bus.set_faults(if goes_on(Kind::Noisy) {
+            noise
+        } else {
+            FaultPlan::NONE
+        });
         for (number, half) in self.pair.halves.iter_mut().enumerate() {
             half.is_deaf = goes_on(Kind::Deaf(number));
             half.is_mute = goes_on(Kind::Mute(number));
@@ -277,15 +329,23 @@ impl<'a> Play<'a> {
             let rates = going_on.iter().map(|it| it.kind);
             half.mishears_per_mille = rates
                 .clone()
-                .find_map(
-                    |kind| if let Kind::Mishears(of, rate) = kind { (of == number).then_some(rate) } else { None },
-                )
+                .find_map(|kind| {
+                    if let Kind::Mishears(of, rate) = kind {
+                        (of == number).then_some(rate)
+                    } else {
+                        None
+                    }
+                })
                 .unwrap_or_default();
             half.misspeaks_per_mille = rates
                 .clone()
-                .find_map(
-                    |kind| if let Kind::Misspeaks(of, rate) = kind { (of == number).then_some(rate) } else { None },
-                )
+                .find_map(|kind| {
+                    if let Kind::Misspeaks(of, rate) = kind {
+                        (of == number).then_some(rate)
+                    } else {
+                        None
+                    }
+                })
                 .unwrap_or_default();
         }
     }
@@ -319,10 +379,24 @@ impl<'a> Play<'a> {
         loop {
             let goes_on = self.pair.step(until);
             self.look();
-            steps = if self.pair.now == before { steps + 1 } else { 0 };
+            steps = if self.pair.now == before {
+                steps + 1
+            } else {
+                0
+            };
             before = self.pair.now;
-            let wakes = || self.pair.halves.iter().map(|half| half.core.as_ref().and_then(|core| core.next_wake()));
-            assert!(steps < STEPS_MAX, "seed {}: it spins: {:?}", self.plan.seed, wakes().collect::<Vec<_>>());
+            let wakes = || {
+                self.pair
+                    .halves
+                    .iter()
+                    .map(|half| half.core.as_ref().and_then(|core| core.next_wake()))
+            };
+            assert!(
+                steps < STEPS_MAX,
+                "seed {}: it spins: {:?}",
+                self.plan.seed,
+                wakes().collect::<Vec<_>>()
+            );
             if !goes_on {
                 return;
             }
@@ -333,7 +407,11 @@ impl<'a> Play<'a> {
         let now = self.pair.now.since(self.begin);
         for (place, ran) in self.ran.iter_mut().enumerate() {
             let station = Station(u8::try_from(place + 1).unwrap_or(1));
-            let runs = self.pair.bus.drive(station).is_some_and(|drive| drive.ordered().is_some());
+            let runs = self
+                .pair
+                .bus
+                .drive(station)
+                .is_some_and(|drive| drive.ordered().is_some());
             if runs != *ran {
                 *ran = runs;
                 self.seen.starts[place] += usize::from(runs);
@@ -354,10 +432,23 @@ impl<'a> Play<'a> {
     fn told(&self) -> Vec<String> {
         let mut told = Vec::new();
         for (number, half) in self.pair.halves.iter().enumerate() {
-            told.extend(half.line_notes.iter().map(|(at, note)| (*at, number, note.to_string())));
-            told.extend(half.notes.iter().map(|(at, note)| (*at, number, format!("{note:?}"))));
+            told.extend(
+                half.line_notes
+                    .iter()
+                    .map(|(at, note)| (*at, number, note.to_string())),
+            );
+            told.extend(
+                half.notes
+                    .iter()
+                    .map(|(at, note)| (*at, number, format!("{note:?}"))),
+            );
         }
-        for sent in self.pair.sent.iter().filter(|sent| sent.pdu.first().is_some_and(|function| *function != 3)) {
+        for sent in self
+            .pair
+            .sent
+            .iter()
+            .filter(|sent| sent.pdu.first().is_some_and(|function| *function != 3))
+        {
             let how = if sent.is_damaged {
                 ", damaged"
             } else if sent.is_lost {
@@ -369,7 +460,10 @@ impl<'a> Play<'a> {
         }
         told.sort_by_key(|(at, ..)| *at);
         let told = told.into_iter().filter(|(at, ..)| *at >= self.begin);
-        told.map(|(at, half, what)| format!("{:.3} {half}: {what}", at.since(self.begin).as_secs_f64())).collect()
+        told.map(|(at, half, what)| {
+            format!("{:.3} {half}: {what}", at.since(self.begin).as_secs_f64())
+        })
+        .collect()
     }
 
     /// One read of a drive that is no other one's.
@@ -379,8 +473,14 @@ impl<'a> Play<'a> {
             _ => None,
         });
         self.foreign_at = self.pair.now + period.unwrap_or(CYCLE);
-        let address = self.plan.model.registers.first().map_or(0, |register| register.address.number());
+        let address = self
+            .plan
+            .model
+            .registers
+            .first()
+            .map_or(0, |register| register.address.number());
         let [high, low] = address.to_be_bytes();
-        self.pair.sends_foreign(sealed(&[FOREIGN_DRIVE.0, 3, high, low, 0, 1]));
+        self.pair
+            .sends_foreign(sealed(&[FOREIGN_DRIVE.0, 3, high, low, 0, 1]));
     }
 }

@@ -30,7 +30,13 @@ struct Term {
 
 impl Watch {
     pub fn new(model: &Arc<Model>) -> Self {
-        Self { model: Arc::clone(model), bases: Bases::of(model), frames: 0, terms: [Term::default(); 2], longest: 0 }
+        Self {
+            model: Arc::clone(model),
+            bases: Bases::of(model),
+            frames: 0,
+            terms: [Term::default(); 2],
+            longest: 0,
+        }
     }
 
     /// Most frames in a row that a half sent after the other one had taken the line, and while that one kept it.
@@ -49,13 +55,22 @@ impl Watch {
             if pair.role(half) != LineRole::Active && self.is_stop(sent) {
                 continue;
             }
-            let report = pair.halves[half].core.as_ref().and_then(|core| core.report().standby);
-            let number = report.map_or(0, |report| report.take_overs + pair.halves[half].setup.first_epoch);
+            let report = pair.halves[half]
+                .core
+                .as_ref()
+                .and_then(|core| core.report().standby);
+            let number = report.map_or(0, |report| {
+                report.take_overs + pair.halves[half].setup.first_epoch
+            });
             let other_goes_on = pair.role(1 - half) == LineRole::Active;
             let other_began = self.terms[1 - half].began;
             let term = &mut self.terms[half];
             if term.number != number {
-                *term = Term { number, began: sent.at, doubled: 0 };
+                *term = Term {
+                    number,
+                    began: sent.at,
+                    doubled: 0,
+                };
             } else if other_began > term.began && other_goes_on {
                 term.doubled += 1;
                 self.longest = self.longest.max(term.doubled);
@@ -67,8 +82,14 @@ impl Watch {
     }
 
     fn is_stop(&self, sent: &Sent) -> bool {
-        let word = |at: usize| sent.pdu.get(at..at + 2).map(|it| u16::from_be_bytes([it[0], it[1]]));
-        let (Some(address), Some(function)) = (word(1), sent.pdu.first()) else { return false };
+        let word = |at: usize| {
+            sent.pdu
+                .get(at..at + 2)
+                .map(|it| u16::from_be_bytes([it[0], it[1]]))
+        };
+        let (Some(address), Some(function)) = (word(1), sent.pdu.first()) else {
+            return false;
+        };
         let values: Vec<u16> = match function {
             6 => word(3).into_iter().collect(),
             16 => sent

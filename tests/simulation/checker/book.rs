@@ -113,16 +113,26 @@ impl Book {
     /// A stop may be in force already: the drive took one, and no order to run could still be sent. What came at this
     /// very moment may have been refused, which is not known before the end of the moment.
     pub fn may_be_stopped(&self, at: u64) -> bool {
-        let may_come = |it: &Order| if it.sent > 0 { !it.has_run && !it.is_given_up(at) } else { at < it.before };
+        let may_come = |it: &Order| {
+            if it.sent > 0 {
+                !it.has_run && !it.is_given_up(at)
+            } else {
+                at < it.before
+            }
+        };
         let is_open = |it: &Order| !it.is_over && !it.is_void && it.starts() && it.at < at;
         let is_ordered = self.orders.iter().any(|it| is_open(it) && may_come(it));
-        let is_stopped = !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
+        let is_stopped =
+            !matches!(self.run_taken, Some(Run::Forward | Run::Reverse)) || self.zeros >= 2;
         !self.stop.is_pending && is_stopped && !is_ordered
     }
 
     /// No frame may follow from a list that counts as given up.
     pub fn void_given_up(&mut self, at: u64) {
-        self.orders.iter_mut().filter(|it| it.starts() && it.is_given_up(at)).for_each(|it| it.is_void = true);
+        self.orders
+            .iter_mut()
+            .filter(|it| it.starts() && it.is_given_up(at))
+            .for_each(|it| it.is_void = true);
     }
 
     /// The stop `number` was answered while the motor rested: it changed nothing, and orders of clients that came after the
@@ -130,8 +140,13 @@ impl Book {
     pub fn stop_was_none(&mut self, number: u64) {
         self.stop.is_pending = false;
         let newest = self.newest_stop.max(number);
-        let counts = |it: &&mut Order| it.number > newest && !it.is_message && it.issued_old.is_none() && it.sent == 0;
-        self.orders.iter_mut().filter(counts).for_each(|it| it.is_void = false);
+        let counts = |it: &&mut Order| {
+            it.number > newest && !it.is_message && it.issued_old.is_none() && it.sent == 0
+        };
+        self.orders
+            .iter_mut()
+            .filter(counts)
+            .for_each(|it| it.is_void = false);
     }
 
     /// A stop arrives, perhaps of a client. If that client's last command was the same stop, it is a repeat.
@@ -151,11 +166,21 @@ impl Book {
     /// a later one, the frames were its own.
     pub fn reset_answered(&mut self, number: u64) {
         let is_reset = |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over;
-        let Some(place) = self.orders.iter().position(|it| it.number == number && is_reset(it)) else { return };
+        let Some(place) = self
+            .orders
+            .iter()
+            .position(|it| it.number == number && is_reset(it))
+        else {
+            return;
+        };
         let (until, later) = self.orders.split_at_mut(place + 1);
-        let Some(answered) = until.last_mut() else { return };
+        let Some(answered) = until.last_mut() else {
+            return;
+        };
         let is_ahead = |it: &&mut Order| is_reset(it) && it.reset_step > answered.reset_step;
-        let Some(other) = later.iter_mut().find(is_ahead) else { return };
+        let Some(other) = later.iter_mut().find(is_ahead) else {
+            return;
+        };
         std::mem::swap(&mut answered.reset_step, &mut other.reset_step);
         std::mem::swap(&mut answered.sent, &mut other.sent);
         std::mem::swap(&mut answered.taken, &mut other.taken);

@@ -13,9 +13,17 @@ const PENDING: usize = 24;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
     /// Words of a drive's own registers.
-    Native { drive: usize, address: u16, count: u16 },
+    Native {
+        drive: usize,
+        address: u16,
+        count: u16,
+    },
     /// Words of a drive's view.
-    Picture { drive: usize, address: u16, count: u16 },
+    Picture {
+        drive: usize,
+        address: u16,
+        count: u16,
+    },
     /// A write to a drive: the number of the order that it may be.
     Order { drive: usize, order: u64 },
     /// STOP for all drives.
@@ -59,7 +67,12 @@ impl Checker {
 
     /// A client's connection is closed: no more answers are expected.
     pub fn client_closed(&mut self, at: u64, who: usize, by_gateway: bool) {
-        self.log.add(at, What::Client, who as u16, if by_gateway { b"is closed" } else { b"leaves" });
+        self.log.add(
+            at,
+            What::Client,
+            who as u16,
+            if by_gateway { b"is closed" } else { b"leaves" },
+        );
         let gone = std::mem::take(&mut self.clients[who]);
         for request in &gone.pending {
             if let Ask::Order { drive, order } = request.ask {
@@ -95,24 +108,52 @@ impl Checker {
         let pdu = &message[7..];
         let ask = self.ask_of(at, who, unit, pdu);
         let mut head = [0; 4];
-        head.iter_mut().zip(&pdu[1..]).for_each(|(to, from)| *to = *from);
+        head.iter_mut()
+            .zip(&pdu[1..])
+            .for_each(|(to, from)| *to = *from);
         self.counts.requests += 1;
-        self.clients[who].pending.push(Pending { transaction, unit, function: pdu[0], at, ask, head });
+        self.clients[who].pending.push(Pending {
+            transaction,
+            unit,
+            function: pdu[0],
+            at,
+            ask,
+            head,
+        });
     }
 
     fn ask_of(&mut self, at: u64, who: usize, unit: u8, pdu: &[u8]) -> Ask {
         let native = self.line.drives.iter().position(|drive| drive.unit == unit);
-        let uniform = self.line.drives.iter().position(|drive| drive.uniform == unit);
-        let word = |at: usize| pdu.get(at..at + 2).map_or(0, |it| u16::from_be_bytes([it[0], it[1]]));
+        let uniform = self
+            .line
+            .drives
+            .iter()
+            .position(|drive| drive.uniform == unit);
+        let word = |at: usize| {
+            pdu.get(at..at + 2)
+                .map_or(0, |it| u16::from_be_bytes([it[0], it[1]]))
+        };
         match (native, uniform, pdu[0]) {
-            (Some(drive), _, 3 | 4) => Ask::Native { drive, address: word(1), count: word(3) },
-            (_, Some(drive), 3 | 4) => Ask::Picture { drive, address: word(1), count: word(3) },
-            (_, _, function) if (native, uniform) != (None, None) && !matches!(function, 5 | 6 | 15 | 16) => Ask::Other,
+            (Some(drive), _, 3 | 4) => Ask::Native {
+                drive,
+                address: word(1),
+                count: word(3),
+            },
+            (_, Some(drive), 3 | 4) => Ask::Picture {
+                drive,
+                address: word(1),
+                count: word(3),
+            },
+            (_, _, function)
+                if (native, uniform) != (None, None) && !matches!(function, 5 | 6 | 15 | 16) =>
+            {
+                Ask::Other
+            }
             (Some(drive), ..) => self.order(at, who, drive, |facts| orders::of_native(facts, pdu)),
             (_, Some(drive), _) => self.order(at, who, drive, |_| orders::of_uniform(pdu)),
-            (None, None, 5) if unit == 255 && word(1) == 0 && word(3) == 0xFF00 => {
-                Ask::StopAll { order: self.stop_all(at, who) }
-            }
+            (None, None, 5) if unit == 255 && word(1) == 0 && word(3) == 0xFF00 => Ask::StopAll {
+                order: self.stop_all(at, who),
+            },
             (None, None, _) if unit == 255 || unit == 0 => Ask::Other,
             (None, None, _) => Ask::Nobody,
         }
@@ -139,7 +180,9 @@ impl Checker {
             match cut(&stream[used..]) {
                 Cut::More => return used,
                 Cut::Broken => {
-                    self.object("O3", || format!("an answer that is no Modbus TCP: {:02X?}", &stream[used..]));
+                    self.object("O3", || {
+                        format!("an answer that is no Modbus TCP: {:02X?}", &stream[used..])
+                    });
                     return stream.len();
                 }
                 Cut::Message(length) => {
@@ -155,13 +198,20 @@ impl Checker {
         let unit = message[6];
         let pdu = &message[7..];
         let pending = &mut self.clients[who].pending;
-        let Some(place) = pending.iter().position(|it| it.transaction == transaction && it.unit == unit) else {
-            return self.object("O3", || format!("an answer that nobody waits for: {message:02X?}"));
+        let Some(place) = pending
+            .iter()
+            .position(|it| it.transaction == transaction && it.unit == unit)
+        else {
+            return self.object("O3", || {
+                format!("an answer that nobody waits for: {message:02X?}")
+            });
         };
         let request = pending.remove(place);
         self.counts.answers += 1;
         if pdu[0] & 0x7F != request.function & 0x7F {
-            return self.object("O3", || format!("function {:02X} answers {:02X}", pdu[0], request.function));
+            return self.object("O3", || {
+                format!("function {:02X} answers {:02X}", pdu[0], request.function)
+            });
         }
         if pdu[0] & 0x80 != 0 {
             let code = pdu.get(1).copied().unwrap_or(0);
@@ -172,37 +222,68 @@ impl Checker {
             return;
         }
         match request.ask {
-            Ask::Native { drive, address, count } => self.check_words(&request, drive, address, count, pdu),
-            Ask::Picture { drive, address, count } => self.check_picture(at, drive, address, count, pdu),
+            Ask::Native {
+                drive,
+                address,
+                count,
+            } => self.check_words(&request, drive, address, count, pdu),
+            Ask::Picture {
+                drive,
+                address,
+                count,
+            } => self.check_picture(at, drive, address, count, pdu),
             Ask::Order { drive, order } => {
                 let echoes = match request.function {
                     5 | 6 | 15 | 16 => pdu.get(1..5) == Some(&request.head[..]),
                     _ => true,
                 };
                 if !echoes {
-                    self.object("O3", || format!("a write of {:02X?} is answered {pdu:02X?}", request.head));
+                    self.object("O3", || {
+                        format!("a write of {:02X?} is answered {pdu:02X?}", request.head)
+                    });
                 }
                 self.order_succeeded(at, drive, order);
             }
             Ask::StopAll { order } => self.all_stopped(at, order),
             Ask::Other => {}
-            Ask::Never => self.object("O8", || format!("a write that nothing allows is answered {pdu:02X?}")),
-            Ask::Nobody => self.object("O3", || format!("unit {unit} is nobody and answers {pdu:02X?}")),
+            Ask::Never => self.object("O8", || {
+                format!("a write that nothing allows is answered {pdu:02X?}")
+            }),
+            Ask::Nobody => self.object("O3", || {
+                format!("unit {unit} is nobody and answers {pdu:02X?}")
+            }),
         }
     }
 
     /// O3: the words are those that the drive gave in exchanges that began after the question; where one frame brings
     /// all, in the exchange that has just ended.
-    fn check_words(&mut self, request: &Pending, drive: usize, address: u16, count: u16, pdu: &[u8]) {
+    fn check_words(
+        &mut self,
+        request: &Pending,
+        drive: usize,
+        address: u16,
+        count: u16,
+        pdu: &[u8],
+    ) {
         let station = self.line.drives[drive].station;
         let most = self.line.drives[drive].kind.facts().most_words;
-        let is_right_length = pdu.len() == 2 + 2 * usize::from(count) && usize::from(pdu[1]) == pdu.len() - 2;
-        let mut left = if count >= 128 { u128::MAX } else { (1_u128 << count) - 1 };
+        let is_right_length =
+            pdu.len() == 2 + 2 * usize::from(count) && usize::from(pdu[1]) == pdu.len() - 2;
+        let mut left = if count >= 128 {
+            u128::MAX
+        } else {
+            (1_u128 << count) - 1
+        };
         let mut back = 0;
         while left != 0 && is_right_length {
-            let Some(it) = self.wire.back(back).filter(|it| it.at >= request.at) else { break };
+            let Some(it) = self.wire.back(back).filter(|it| it.at >= request.at) else {
+                break;
+            };
             let offset = it.address.wrapping_sub(address);
-            let is_part = it.station == station && it.function == 3 && offset < count && it.count <= count - offset;
+            let is_part = it.station == station
+                && it.function == 3
+                && offset < count
+                && it.count <= count - offset;
             if is_part && is_given(it, pdu, offset) {
                 left &= !(((1_u128 << it.count) - 1) << offset);
             } else if back == 0 {
@@ -227,9 +308,17 @@ impl Checker {
             let pending = &self.clients[who].pending;
             // While the gateway is suspended, no request is answered.
             let (from, until) = self.stood;
-            let excuse = |asked: u64| if asked < until { until - from + ANSWERED_WITHIN } else { 0 };
+            let excuse = |asked: u64| {
+                if asked < until {
+                    until - from + ANSWERED_WITHIN
+                } else {
+                    0
+                }
+            };
             let oldest = pending.first().map(|it| it.at);
-            if oldest.is_some_and(|oldest| at > oldest + ANSWERED_WITHIN + excuse(oldest)) || pending.len() > PENDING {
+            if oldest.is_some_and(|oldest| at > oldest + ANSWERED_WITHIN + excuse(oldest))
+                || pending.len() > PENDING
+            {
                 let text = format!("client {who} waits for {:?}", pending.first());
                 self.object("O7", || text);
             }
@@ -240,7 +329,12 @@ impl Checker {
 /// Whether the words of `pdu` from `offset` on are what the drive gave in `exchange`.
 fn is_given(exchange: &Exchange, pdu: &[u8], offset: u16) -> bool {
     let is_whole = exchange.truth == Truth::Words(usize::from(exchange.count).min(WORDS) as u8);
-    let mut words = (0..exchange.count).map(|place| (word_of(pdu, offset + place), exchange.words[usize::from(place)]));
+    let mut words = (0..exchange.count).map(|place| {
+        (
+            word_of(pdu, offset + place),
+            exchange.words[usize::from(place)],
+        )
+    });
     is_whole && exchange.heard_at.is_some() && words.all(|(got, given)| got == given)
 }
 
@@ -265,5 +359,9 @@ fn cut(stream: &[u8]) -> Cut {
     if stream[2..4] != [0, 0] || !(2..=254).contains(&length) {
         return Cut::Broken;
     }
-    if stream.len() < 6 + length { Cut::More } else { Cut::Message(6 + length) }
+    if stream.len() < 6 + length {
+        Cut::More
+    } else {
+        Cut::Message(6 + length)
+    }
 }

@@ -65,7 +65,12 @@ impl Checker {
     /// Something is kept now.
     pub fn kept(&mut self, at: u64, drive: usize, it: Kept) {
         let Kept::Trips { trips, count } = it;
-        self.log.add(at, What::World, drive as u16, format!("kept: {it:?}").as_bytes());
+        self.log.add(
+            at,
+            What::World,
+            drive as u16,
+            format!("kept: {it:?}").as_bytes(),
+        );
         let book = &mut self.trips[drive];
         book.kept += u32::from(trips);
         let is_in_order = count.is_none() || book.kept_count < count;
@@ -80,7 +85,10 @@ impl Checker {
     /// A client reads this number of trips.
     pub fn trips_shown(&mut self, drive: usize, total: u32) {
         if total > self.trips[drive].kept {
-            let text = format!("{total} trips of drive {drive} are shown: {:?}", self.trips[drive]);
+            let text = format!(
+                "{total} trips of drive {drive} are shown: {:?}",
+                self.trips[drive]
+            );
             self.object("O9", || text);
         }
     }
@@ -88,7 +96,9 @@ impl Checker {
     /// A reply was received: what it shows of trips.
     pub(super) fn shows_trips(&mut self, at: u64, drive: usize, exchange: &Exchange) {
         let word = |register: u16| {
-            let offset = register.checked_sub(exchange.address).filter(|it| *it < exchange.count)?;
+            let offset = register
+                .checked_sub(exchange.address)
+                .filter(|it| *it < exchange.count)?;
             Some(exchange.words[usize::from(offset)])
         };
         let kind = self.line.drives[drive].kind;
@@ -160,7 +170,9 @@ impl Checker {
             self.telling_starts_again(drive, kept);
         }
         for book in &mut self.books {
-            book.orders.iter_mut().for_each(|it| (it.is_void, it.is_over) = (true, true));
+            book.orders
+                .iter_mut()
+                .for_each(|it| (it.is_void, it.is_over) = (true, true));
             book.fresh.clear();
             book.may_stop = None;
             book.stop_due = None;

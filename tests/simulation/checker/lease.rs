@@ -12,7 +12,13 @@ impl Checker {
     /// silence, and the stops of the other drives.
     pub fn bound(&self) -> u64 {
         let silence = self.line.silence();
-        let timeout = self.line.drives.iter().map(|it| it.timeout).max().unwrap_or(0);
+        let timeout = self
+            .line
+            .drives
+            .iter()
+            .map(|it| it.timeout)
+            .max()
+            .unwrap_or(0);
         let longest = self.line.on_wire(8 + LONGEST) + timeout + silence;
         let stop = self.line.on_wire(16) + timeout + silence;
         longest + silence + stop * (self.line.drives.len() as u64 - 1)
@@ -20,12 +26,16 @@ impl Checker {
 
     /// The clients behind the broker sent a heartbeat without an order.
     pub fn sign_of_life(&mut self, at: u64) {
-        self.books.iter_mut().filter(|book| book.is_of_mqtt).for_each(|book| book.sign_at = at);
+        self.books
+            .iter_mut()
+            .filter(|book| book.is_of_mqtt)
+            .for_each(|book| book.sign_at = at);
     }
 
     /// The gateway is to shut down.
     pub fn ending(&mut self, at: u64) {
-        self.log.add(at, What::World, 0, b"the gateway is told to end");
+        self.log
+            .add(at, What::World, 0, b"the gateway is told to end");
         self.books.iter_mut().for_each(|book| book.is_ending = true);
     }
 
@@ -47,9 +57,15 @@ impl Checker {
         for drive in 0..self.books.len() {
             let book = &self.books[drive];
             let it = &self.line.drives[drive];
-            if let Some(due) = book.stop_due.map(|due| due.max(self.wire.noise_at + self.bound)).filter(|due| at > *due)
+            if let Some(due) = book
+                .stop_due
+                .map(|due| due.max(self.wire.noise_at + self.bound))
+                .filter(|due| at > *due)
             {
-                let text = format!("a stop of drive {drive} should have left {} ms ago", (at - due) / 1_000_000);
+                let text = format!(
+                    "a stop of drive {drive} should have left {} ms ago",
+                    (at - due) / 1_000_000
+                );
                 self.object("L1", || text);
                 continue;
             }
@@ -77,10 +93,13 @@ impl Checker {
             let book = &self.books[drive];
             let it = &self.line.drives[drive];
             // One whose owner was lost is left as it is, if that is declared: it has no owner at the end.
-            let is_held = it.on_lost == Action::Hold && at > book.moved_at.unwrap_or(0) + it.lost_after;
+            let is_held =
+                it.on_lost == Action::Hold && at > book.moved_at.unwrap_or(0) + it.lost_after;
             let is_left = book.is_running && it.on_shutdown != Action::Hold && !is_held;
             if is_left && self.wire.is_up() {
-                self.object("O11", || format!("the gateway ended and left drive {drive} running"));
+                self.object("O11", || {
+                    format!("the gateway ended and left drive {drive} running")
+                });
             }
         }
         self.check_waiting(at);

@@ -52,8 +52,18 @@ pub struct Log {
 
 impl Log {
     pub fn new() -> Self {
-        let none = Entry { at: 0, what: What::World, who: 0, length: 0, bytes: [0; BYTES] };
-        Self { entries: vec![none; KEPT].into(), next: 0, hash: 0xCBF2_9CE4_8422_2325 }
+        let none = Entry {
+            at: 0,
+            what: What::World,
+            who: 0,
+            length: 0,
+            bytes: [0; BYTES],
+        };
+        Self {
+            entries: vec![none; KEPT].into(),
+            next: 0,
+            hash: 0xCBF2_9CE4_8422_2325,
+        }
     }
 
     /// Keeps an event of `who` at `at` (ns).
@@ -77,7 +87,9 @@ impl Log {
 
     #[inline]
     fn mix(&mut self, word: u64) {
-        self.hash = (self.hash ^ word).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23);
+        self.hash = (self.hash ^ word)
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+            .rotate_left(23);
     }
 
     /// A hash over all events so far.
@@ -102,9 +114,15 @@ impl Log {
                 What::Client | What::Port | What::Message | What::Published | What::World => {
                     text.push_str(&String::from_utf8_lossy(&entry.bytes[..kept]));
                 }
-                _ => entry.bytes[..kept].iter().for_each(|byte| _ = write!(text, "{byte:02X} ")),
+                _ => entry.bytes[..kept]
+                    .iter()
+                    .for_each(|byte| _ = write!(text, "{byte:02X} ")),
             }
-            text.push_str(if usize::from(entry.length) > kept { "...\n" } else { "\n" });
+            text.push_str(if usize::from(entry.length) > kept {
+                "...\n"
+            } else {
+                "\n"
+            });
         }
         text
     }

@@ -59,7 +59,12 @@ impl Checker {
 
     /// A message was delivered to the gateway.
     pub fn message(&mut self, at: u64, it: Inbound<'_>) {
-        self.log.add(at, What::Message, u16::from(it.retain) + 2 * u16::from(it.duplicate), it.topic.as_bytes());
+        self.log.add(
+            at,
+            What::Message,
+            u16::from(it.retain) + 2 * u16::from(it.duplicate),
+            it.topic.as_bytes(),
+        );
         self.log.add(at, What::Message, 0, it.payload.as_bytes());
         self.counts.messages += 1;
         self.time(at);
@@ -67,15 +72,28 @@ impl Checker {
         self.messages.plain = None;
         self.messages.is_only_one = self.messages.came_at < at;
         self.messages.came_at = at;
-        let Some(rest) = it.topic.strip_prefix("vfd/plant/") else { return };
+        let Some(rest) = it.topic.strip_prefix("vfd/plant/") else {
+            return;
+        };
         if rest == "all/run/set" && it.payload.trim().eq_ignore_ascii_case("stop") {
             for drive in 0..self.books.len() {
                 self.plain(at, drive, Some(Run::Stop), None, it);
             }
             return;
         }
-        let Some((name, input)) = rest.strip_prefix("drive/d").and_then(|rest| rest.split_once('/')) else { return };
-        let Some(drive) = name.parse::<usize>().ok().filter(|drive| *drive < self.books.len()) else { return };
+        let Some((name, input)) = rest
+            .strip_prefix("drive/d")
+            .and_then(|rest| rest.split_once('/'))
+        else {
+            return;
+        };
+        let Some(drive) = name
+            .parse::<usize>()
+            .ok()
+            .filter(|drive| *drive < self.books.len())
+        else {
+            return;
+        };
         match input {
             "run/set" => self.plain(at, drive, run_word(it.payload), None, it),
             "frequency/set" => self.plain(at, drive, None, centihertz(it.payload), it),
@@ -85,7 +103,14 @@ impl Checker {
         }
     }
 
-    fn plain(&mut self, at: u64, drive: usize, run: Option<Run>, setpoint: Option<u16>, it: Inbound<'_>) {
+    fn plain(
+        &mut self,
+        at: u64,
+        drive: usize,
+        run: Option<Run>,
+        setpoint: Option<u16>,
+        it: Inbound<'_>,
+    ) {
         let stops = matches!(run, Some(Run::Stop | Run::Coast));
         // A replay and a repeat order nothing; a live stop is executed all the same.
         let counts = stops || !(it.retain || it.duplicate);
@@ -93,7 +118,17 @@ impl Checker {
             return;
         }
         let stopped_at = self.books[drive].stopped_at;
-        let order = self.take_order(at, drive, Wish { run, setpoint, register: None }, at + DEADLINE, None);
+        let order = self.take_order(
+            at,
+            drive,
+            Wish {
+                run,
+                setpoint,
+                register: None,
+            },
+            at + DEADLINE,
+            None,
+        );
         let runs = matches!(run, Some(Run::Forward | Run::Reverse));
         if !stops {
             self.messages.plain = self.messages.is_only_one.then_some((at, drive, order));
@@ -113,26 +148,46 @@ impl Checker {
         if !self.line.drives[drive].has_control || (it.retain && !stops) {
             return;
         }
-        let is_known = self.messages.ids.iter().any(|(other, of, _)| Some(*other) == id && *of == drive);
+        let is_known = self
+            .messages
+            .ids
+            .iter()
+            .any(|(other, of, _)| Some(*other) == id && *of == drive);
         if is_known && !stops {
             return;
         }
         let ttl = number_behind(it.payload, "\"ttl_ms\":").map_or(DEADLINE, |ms| ms * 1_000_000);
-        let is_stale = number_behind(it.payload, "\"issued_at\":").is_some_and(|ms| it.wall_ms > ms + ttl / 1_000_000);
+        let is_stale = number_behind(it.payload, "\"issued_at\":")
+            .is_some_and(|ms| it.wall_ms > ms + ttl / 1_000_000);
         if is_stale && !stops {
             return;
         }
-        let is_ahead = number_behind(it.payload, "\"issued_at\":").is_some_and(|ms| ms > it.wall_ms + AHEAD);
+        let is_ahead =
+            number_behind(it.payload, "\"issued_at\":").is_some_and(|ms| ms > it.wall_ms + AHEAD);
         let epoch = number_behind(it.payload, "\"epoch\":");
         let is_old = epoch.is_some_and(|epoch| self.is_old(drive, epoch));
-        let order = self.take_order(at, drive, Wish { run: run.or(reset), setpoint, register: None }, at + ttl, None);
+        let order = self.take_order(
+            at,
+            drive,
+            Wish {
+                run: run.or(reset),
+                setpoint,
+                register: None,
+            },
+            at + ttl,
+            None,
+        );
         if is_old {
             self.void(drive, order);
         }
         if !stops {
             // The clock that it was stamped by may be ahead, or ours has been set back since.
             let stamp = number_behind(it.payload, "\"issued_at\":");
-            let may_be_ahead = if stamp.is_some() { AHEAD * 1_000_000 } else { 0 };
+            let may_be_ahead = if stamp.is_some() {
+                AHEAD * 1_000_000
+            } else {
+                0
+            };
             let issued = stamp.map_or(it.issued, |ms| self.issued_by_clock(at, it, ms));
             self.outdate(at, drive, order, issued, ttl + may_be_ahead);
             if is_ahead {
@@ -171,10 +226,20 @@ impl Checker {
     fn outdate(&mut self, at: u64, drive: usize, order: u64, issued: u64, ttl: u64) {
         // A setpoint or a reset moves nothing after a stop.
         let runs = |it: &Order| matches!(it.wish.run, Some(Run::Forward | Run::Reverse));
-        let starts = self.books[drive].orders.iter().any(|it| it.number == order && runs(it));
-        let is_before_stop = starts && self.books[drive].stopped_at.is_some_and(|stopped| issued < stopped);
+        let starts = self.books[drive]
+            .orders
+            .iter()
+            .any(|it| it.number == order && runs(it));
+        let is_before_stop = starts
+            && self.books[drive]
+                .stopped_at
+                .is_some_and(|stopped| issued < stopped);
         let is_young = at < self.messages.opened_at + YOUNG;
-        let unnoticed = if is_young { UNNOTICED_WHEN_YOUNG } else { UNNOTICED };
+        let unnoticed = if is_young {
+            UNNOTICED_WHEN_YOUNG
+        } else {
+            UNNOTICED
+        };
         if is_before_stop || at > issued + ttl.max(unnoticed) {
             self.outdate_order(drive, order, issued);
         }
@@ -188,7 +253,12 @@ impl Checker {
 
     /// Whether a stop arrived, or the path was reopened, since `epoch` was shown.
     fn is_old(&self, drive: usize, epoch: u64) -> bool {
-        let shown = self.messages.epochs.iter().find(|(of, it, _)| (*of, *it) == (drive, epoch)).map(|(.., at)| *at);
+        let shown = self
+            .messages
+            .epochs
+            .iter()
+            .find(|(of, it, _)| (*of, *it) == (drive, epoch))
+            .map(|(.., at)| *at);
         let stopped = self.books[drive].stopped_at.unwrap_or(0);
         shown.is_some_and(|shown| shown < stopped || shown < self.messages.opened_at)
     }
@@ -202,13 +272,27 @@ impl Checker {
     pub fn published(&mut self, at: u64, topic: &str, payload: &str) {
         self.log.add(at, What::Published, 0, topic.as_bytes());
         self.log.add(at, What::Published, 1, payload.as_bytes());
-        let Some(rest) = topic.strip_prefix("vfd/plant/drive/d") else { return };
-        let Some((name, input)) = rest.split_once('/') else { return };
-        let Some(drive) = name.parse::<usize>().ok().filter(|drive| *drive < self.books.len()) else { return };
+        let Some(rest) = topic.strip_prefix("vfd/plant/drive/d") else {
+            return;
+        };
+        let Some((name, input)) = rest.split_once('/') else {
+            return;
+        };
+        let Some(drive) = name
+            .parse::<usize>()
+            .ok()
+            .filter(|drive| *drive < self.books.len())
+        else {
+            return;
+        };
         match input {
             "state" => {
                 if let Some(epoch) = number_behind(payload, "\"epoch\":")
-                    && !self.messages.epochs.iter().any(|(of, it, _)| (*of, *it) == (drive, epoch))
+                    && !self
+                        .messages
+                        .epochs
+                        .iter()
+                        .any(|(of, it, _)| (*of, *it) == (drive, epoch))
                 {
                     if self.messages.epochs.len() >= KEPT {
                         self.messages.epochs.remove(0);
@@ -231,11 +315,22 @@ impl Checker {
         let outcome = text_behind(payload, "\"outcome\":\"");
         let Some(id) = number_behind(payload, "\"id\":\"o") else {
             // An order that is refused on arrival orders nothing.
-            let plain = self.messages.plain.take_if(|it| (it.0, it.1) == (at, drive) && outcome == Some("refused"));
-            return plain.into_iter().for_each(|(.., order)| self.order_excepted(at, drive, order, 6));
+            let plain = self
+                .messages
+                .plain
+                .take_if(|it| (it.0, it.1) == (at, drive) && outcome == Some("refused"));
+            return plain
+                .into_iter()
+                .for_each(|(.., order)| self.order_excepted(at, drive, order, 6));
         };
-        let found = self.messages.ids.iter().find(|(it, of, _)| (*it, *of) == (id, drive));
-        let Some((.., order)) = found.copied() else { return };
+        let found = self
+            .messages
+            .ids
+            .iter()
+            .find(|(it, of, _)| (*it, *of) == (id, drive));
+        let Some((.., order)) = found.copied() else {
+            return;
+        };
         let reason = text_behind(payload, "\"reason\":\"");
         match outcome {
             // The earlier result is sent again, whatever has happened since.
@@ -263,7 +358,8 @@ fn run_word(text: &str) -> Option<Run> {
 /// Hertz in hundredths, if they are whole.
 fn centihertz(text: &str) -> Option<u16> {
     let hertz = text.trim().parse::<f64>().ok()? * 100.0;
-    ((hertz - hertz.round()).abs() < 1e-6 && (0.0..65_535.0).contains(&hertz)).then_some(hertz.round() as u16)
+    ((hertz - hertz.round()).abs() < 1e-6 && (0.0..65_535.0).contains(&hertz))
+        .then_some(hertz.round() as u16)
 }
 
 /// The value after `key`.

@@ -165,7 +165,13 @@ impl Checker {
     fn object(&mut self, rule: &'static str, text: impl FnOnce() -> String) {
         if self.found.is_none() {
             let events = self.log.text();
-            self.found = Some(Violation { rule, text: text(), at: self.now, exchange: self.wire.count(), events });
+            self.found = Some(Violation {
+                rule,
+                text: text(),
+                at: self.now,
+                exchange: self.wire.count(),
+                events,
+            });
         }
     }
 

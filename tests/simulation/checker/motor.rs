@@ -137,23 +137,40 @@ impl Checker {
             && facts.reset.last() != Some(&state.run_word)
             && state.is_on;
         let motor = &mut self.motors[drive];
-        motor.runs_since = since(state.is_on && state.is_ordered && state.output >= TURNS, motor.runs_since, at);
+        motor.runs_since = since(
+            state.is_on && state.is_ordered && state.output >= TURNS,
+            motor.runs_since,
+            at,
+        );
         motor.ran_at = motor.runs_since.map_or(motor.ran_at, |_| Some(at));
-        motor.rests_since = since(!state.is_ordered && state.output == 0, motor.rests_since, at);
+        motor.rests_since = since(
+            !state.is_ordered && state.output == 0,
+            motor.rests_since,
+            at,
+        );
         motor.tripped_since = since(state.is_tripped, motor.tripped_since, at);
         motor.sound_since = since(!state.is_tripped, motor.sound_since, at);
         motor.keeps_reset = holds_reset && (motor.keeps_reset || state.refuses_stops);
         motor.resets_since = since(holds_reset && !motor.keeps_reset, motor.resets_since, at);
         motor.may_keep_reset |= holds_reset;
         motor.lowest = motor.lowest.min(state.output);
-        motor.risen_since = since(motor.runs_since.is_some() && state.output > motor.lowest, motor.risen_since, at);
+        motor.risen_since = since(
+            motor.runs_since.is_some() && state.output > motor.lowest,
+            motor.risen_since,
+            at,
+        );
         motor.owes_since = motor.owes_since.filter(|_| motor.rests_since.is_none());
         motor.state = state;
         let lag = self.lag(drive);
         let motor = &self.motors[drive];
-        let owes_since = motor.owes_since.zip(motor.risen_since).map(|(owes, risen)| owes.max(risen).max(self.stood.1));
+        let owes_since = motor
+            .owes_since
+            .zip(motor.risen_since)
+            .map(|(owes, risen)| owes.max(risen).max(self.stood.1));
         if owes_since.is_some_and(|since| at > since + lag) && self.wire.is_up() {
-            let text = format!("a stop of drive {drive} was answered with success, and the motor runs on: {state:?}");
+            let text = format!(
+                "a stop of drive {drive} was answered with success, and the motor runs on: {state:?}"
+            );
             self.object("M1", || text);
         }
     }
@@ -190,7 +207,11 @@ impl Checker {
         if motor.asked.len() >= ASKED {
             motor.asked.remove(0);
         }
-        motor.asked.push(Asked { number, at, found_at_rest });
+        motor.asked.push(Asked {
+            number,
+            at,
+            found_at_rest,
+        });
     }
 
     /// All drives were stopped at once, and that is answered now, when the last one has stopped. A motor that was found at
@@ -201,11 +222,16 @@ impl Checker {
             let readings = self.books[drive].readings;
             let motor = &mut self.motors[drive];
             let was_shown = |from: u64, until: u64| {
-                let shows_rest = |(output, at): &&(u16, u64)| *output == 0 && (from..until).contains(at);
+                let shows_rest =
+                    |(output, at): &&(u16, u64)| *output == 0 && (from..until).contains(at);
                 until > from + lag || readings.iter().filter(shows_rest).count() >= 2
             };
             let is_started_since = |it: &Asked| {
-                it.number == number && it.found_at_rest && motor.runs_since.is_some_and(|since| was_shown(it.at, since))
+                it.number == number
+                    && it.found_at_rest
+                    && motor
+                        .runs_since
+                        .is_some_and(|since| was_shown(it.at, since))
             };
             match motor.asked.iter().position(is_started_since) {
                 Some(place) => {
@@ -226,7 +252,9 @@ impl Checker {
     pub(super) fn stop_answered(&mut self, at: u64, drive: usize, number: u64) {
         let lag = self.lag(drive);
         let motor = &mut self.motors[drive];
-        let Some(place) = motor.asked.iter().position(|it| it.number == number) else { return };
+        let Some(place) = motor.asked.iter().position(|it| it.number == number) else {
+            return;
+        };
         let asked = motor.asked.remove(place).at;
         if motor.rests() {
             // There was nothing to stop, and later orders count.
@@ -234,12 +262,18 @@ impl Checker {
             return;
         }
         // A stop for all is answered when the last drive has stopped. One of the others may have been started again.
-        if self.books[drive].orders.iter().any(|it| it.number > number && it.has_run && it.taken > 0) {
+        if self.books[drive]
+            .orders
+            .iter()
+            .any(|it| it.number > number && it.has_run && it.taken > 0)
+        {
             return;
         }
-        let Some(runs_since) =
-            motor.runs_since.filter(|_| motor.stopped_by_us.is_none_or(|sent| sent + GOES_AGAIN < asked))
-        else {
+        let Some(runs_since) = motor.runs_since.filter(|_| {
+            motor
+                .stopped_by_us
+                .is_none_or(|sent| sent + GOES_AGAIN < asked)
+        }) else {
             return;
         };
         if at <= runs_since + lag {
@@ -247,7 +281,8 @@ impl Checker {
         }
         // A result that waited for the broker is about a stop that had taken effect before others started the motor.
         let readings = &self.books[drive].readings;
-        let showed_rest = |(output, at): &&(u16, u64)| *output == 0 && (asked..runs_since).contains(at);
+        let showed_rest =
+            |(output, at): &&(u16, u64)| *output == 0 && (asked..runs_since).contains(at);
         if asked < self.messages.opened_at && readings.iter().filter(showed_rest).count() >= 2 {
             return;
         }
@@ -279,10 +314,14 @@ impl Checker {
         }
         let from = self.wire.up_since().max(self.wire.noise_at);
         for drive in 0..self.motors.len() {
-            let Some(since) = self.motors[drive].resets_since else { continue };
+            let Some(since) = self.motors[drive].resets_since else {
+                continue;
+            };
             if at > since.max(from) + RESET_TAKES && self.line.drives[drive].has_control {
-                let text =
-                    format!("drive {drive} holds a reset in its run command since {} ms", (at - since) / 1_000_000);
+                let text = format!(
+                    "drive {drive} holds a reset in its run command since {} ms",
+                    (at - since) / 1_000_000
+                );
                 self.object("M3", || text);
             }
         }
@@ -293,7 +332,10 @@ impl Checker {
         let motor = &mut self.motors[drive];
         motor.told += u32::from(trips);
         if motor.told > u32::from(motor.state.trips) {
-            let text = format!("{} trips of drive {drive} are told, it had {}", motor.told, motor.state.trips);
+            let text = format!(
+                "{} trips of drive {drive} are told, it had {}",
+                motor.told, motor.state.trips
+            );
             self.object("M4", || text);
         }
     }
@@ -308,13 +350,23 @@ impl Checker {
     /// M4: trips that were shown for long were reported.
     pub(super) fn check_told(&mut self, drive: usize, shown: u32) {
         if self.motors[drive].told < shown {
-            let text = format!("drive {drive} showed {shown} trips for long, {} are told", self.motors[drive].told);
+            let text = format!(
+                "drive {drive} showed {shown} trips for long, {} are told",
+                self.motors[drive].told
+            );
             self.object("M4", || text);
         }
     }
 
     /// M5: the run state among `count` words from `address` on that a client received.
-    pub(super) fn check_run_state(&mut self, at: u64, drive: usize, address: u16, count: u16, pdu: &[u8]) {
+    pub(super) fn check_run_state(
+        &mut self,
+        at: u64,
+        drive: usize,
+        address: u16,
+        count: u16,
+        pdu: &[u8],
+    ) {
         if address > STATUS || address + count <= RUN_STATE {
             return;
         }

@@ -17,7 +17,10 @@ const REPEATED_FOR: u64 = 30_000_000_000;
 
 /// The order in a write to a drive's own registers.
 pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
-    let word = |at: usize| pdu.get(at..at + 2).map(|it| u16::from_be_bytes([it[0], it[1]]));
+    let word = |at: usize| {
+        pdu.get(at..at + 2)
+            .map(|it| u16::from_be_bytes([it[0], it[1]]))
+    };
     let (address, values) = match (pdu[0], pdu.len()) {
         (6, 5) => (word(1)?, [word(3), None]),
         (16, 8) => (word(1)?, [word(6), None]),
@@ -38,9 +41,18 @@ pub fn of_native(facts: &Facts, pdu: &[u8]) -> Option<Wish> {
 
 /// The order in a write to a uniform unit.
 pub fn of_uniform(pdu: &[u8]) -> Option<Wish> {
-    let word = |at: usize| pdu.get(at..at + 2).map(|it| u16::from_be_bytes([it[0], it[1]]));
+    let word = |at: usize| {
+        pdu.get(at..at + 2)
+            .map(|it| u16::from_be_bytes([it[0], it[1]]))
+    };
     let run = |value| {
-        let table = [Run::Stop, Run::Forward, Run::Reverse, Run::Coast, Run::Reset];
+        let table = [
+            Run::Stop,
+            Run::Forward,
+            Run::Reverse,
+            Run::Coast,
+            Run::Reset,
+        ];
         table.get(usize::from(value)).copied()
     };
     let mut wish = Wish::default();
@@ -70,16 +82,32 @@ pub fn of_uniform(pdu: &[u8]) -> Option<Wish> {
 
 impl Checker {
     /// A client sends an order to `drive`.
-    pub(super) fn order(&mut self, at: u64, who: usize, drive: usize, wish: impl Fn(&Facts) -> Option<Wish>) -> Ask {
+    pub(super) fn order(
+        &mut self,
+        at: u64,
+        who: usize,
+        drive: usize,
+        wish: impl Fn(&Facts) -> Option<Wish>,
+    ) -> Ask {
         let it = &self.line.drives[drive];
         match wish(it.kind.facts()).filter(|_| it.has_control) {
-            Some(wish) => Ask::Order { drive, order: self.take_order(at, drive, wish, at + DEADLINE, Some(who / 2)) },
+            Some(wish) => Ask::Order {
+                drive,
+                order: self.take_order(at, drive, wish, at + DEADLINE, Some(who / 2)),
+            },
             None => Ask::Never,
         }
     }
 
     /// Notes an order. That of a client, two of which share an address, may turn out to change nothing.
-    pub(super) fn take_order(&mut self, at: u64, drive: usize, wish: Wish, before: u64, by: Option<usize>) -> u64 {
+    pub(super) fn take_order(
+        &mut self,
+        at: u64,
+        drive: usize,
+        wish: Wish,
+        before: u64,
+        by: Option<usize>,
+    ) -> u64 {
         let cyclic = by.is_some();
         self.order_count += 1;
         let number = self.order_count;
@@ -95,7 +123,8 @@ impl Checker {
             book.asked[usize::from(kind == Run::Coast)] = true;
             book.stop_comes(at, number, by, kind == Run::Coast);
             // Beside a stop that changes nothing, a setpoint counts.
-            let is_only_setpoint = cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
+            let is_only_setpoint =
+                cyclic && kind == Run::Stop && wish.setpoint.is_some() && book.may_be_stopped(at);
             if !is_only_setpoint {
                 book.fresh.push((number, at, kind == Run::Coast));
                 if !cyclic {
@@ -107,7 +136,8 @@ impl Checker {
             book.void_given_up(at);
         }
         if book.orders.len() >= ORDERS {
-            book.orders.retain(|it| !it.is_over && at < it.at + FORGOTTEN);
+            book.orders
+                .retain(|it| !it.is_over && at < it.at + FORGOTTEN);
             if book.orders.len() >= ORDERS {
                 book.orders.remove(0);
             }
@@ -116,7 +146,8 @@ impl Checker {
         // its holder.
         book.is_of_mqtt |= !cyclic && wish != Wish::default();
         // A stop is complete for the gateway once it has read that the motor is at standstill.
-        let is_void = book.stop.is_pending && wish.register.is_none() && !self.motors[drive].stands();
+        let is_void =
+            book.stop.is_pending && wish.register.is_none() && !self.motors[drive].stands();
         let order = Order {
             number,
             wish,
@@ -140,7 +171,12 @@ impl Checker {
     /// A client orders all drives to stop. For a stopped drive only a frame shows whether that changed something.
     pub(super) fn stop_all(&mut self, at: u64, who: usize) -> u64 {
         self.order_count += 1;
-        for (book, _) in self.books.iter_mut().zip(&self.line.drives).filter(|(_, drive)| drive.has_control) {
+        for (book, _) in self
+            .books
+            .iter_mut()
+            .zip(&self.line.drives)
+            .filter(|(_, drive)| drive.has_control)
+        {
             book.sign_at = at;
             book.asked[0] = true;
             book.stop_comes(at, self.order_count, Some(who / 2), false);
@@ -162,7 +198,9 @@ impl Checker {
 
     /// The stop of all drives is answered.
     pub(super) fn all_stopped(&mut self, at: u64, number: u64) {
-        self.books.iter_mut().for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
+        self.books
+            .iter_mut()
+            .for_each(|book| book.fresh.retain(|(it, ..)| *it != number));
         self.all_stops_answered(at, number);
     }
 
@@ -180,7 +218,10 @@ impl Checker {
             }
             // Another one of the same kind is the same, and what the drive has answered to it counts.
             book.is_of_mqtt = false;
-            let is_young = book.stop.was_accepted_at.is_some_and(|before| at < before + REPEATED_FOR);
+            let is_young = book
+                .stop
+                .was_accepted_at
+                .is_some_and(|before| at < before + REPEATED_FOR);
             let has_moved = book.moved_at > book.stop.was_accepted_at;
             let is_same = is_young && !has_moved && book.stop.is_coast == is_coast;
             book.stop = Stop {
@@ -193,20 +234,30 @@ impl Checker {
             };
             // Orders that move nothing continue. At standstill a stop may be done at once, and later orders count.
             let goes_on = |it: &Order| it.wish.register.is_some() || (stands && it.number > number);
-            book.orders.iter_mut().for_each(|it| it.is_void |= !goes_on(it));
+            book.orders
+                .iter_mut()
+                .for_each(|it| it.is_void |= !goes_on(it));
         }
     }
 
     /// No frame may follow from this order, which was issued too long ago, or before a stop.
     pub(super) fn outdate_order(&mut self, drive: usize, number: u64, issued: u64) {
-        let order = self.books[drive].orders.iter_mut().find(|it| it.number == number);
-        order.into_iter().for_each(|it| (it.is_void, it.issued_old) = (true, Some(issued)));
+        let order = self.books[drive]
+            .orders
+            .iter_mut()
+            .find(|it| it.number == number);
+        order
+            .into_iter()
+            .for_each(|it| (it.is_void, it.issued_old) = (true, Some(issued)));
     }
 
     /// No frame may follow from this order.
     pub(super) fn void_order(&mut self, drive: usize, number: u64) {
         let orders = &mut self.books[drive].orders;
-        orders.iter_mut().filter(|it| it.number == number).for_each(|it| it.is_void = true);
+        orders
+            .iter_mut()
+            .filter(|it| it.number == number)
+            .for_each(|it| it.is_void = true);
     }
 
     /// The client left before the result. Only a frame shows whether a stop changed something; no frame of another
@@ -217,7 +268,10 @@ impl Checker {
             let (_, at, _) = book.fresh.remove(place);
             book.may_stop.get_or_insert((number, at));
         }
-        book.orders.iter_mut().filter(|it| it.number == number && it.sent == 0).for_each(|it| it.is_over = true);
+        book.orders
+            .iter_mut()
+            .filter(|it| it.number == number && it.sent == 0)
+            .for_each(|it| it.is_over = true);
     }
 
     /// A request that may have ordered something is answered with an exception.
@@ -226,11 +280,17 @@ impl Checker {
         let it = self.line.drives[drive];
         let lost_after = it.lost_after;
         // The drive's own answer is passed on.
-        let newest = self.wire.newest().filter(|newest| newest.station == it.station);
+        let newest = self
+            .wire
+            .newest()
+            .filter(|newest| newest.station == it.station);
         let is_of_drive = newest.is_some_and(|newest| newest.truth == Truth::Exception(code));
         let book = &mut self.books[drive];
-        book.fresh.retain(|(it, ..)| *it != number || matches!(code, 4 | 0x0B));
-        let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else { return };
+        book.fresh
+            .retain(|(it, ..)| *it != number || matches!(code, 4 | 0x0B));
+        let Some(order) = book.orders.iter_mut().find(|it| it.number == number) else {
+            return;
+        };
         let is_refused = matches!(code, 1 | 2 | 3 | 6);
         order.is_over |= is_refused || code == 4 || is_of_drive;
         // What a stop or the end of a lease has cut is told so, also when a frame of it is out.
@@ -238,7 +298,8 @@ impl Checker {
         // A motor that others have started is stopped after all, where a stop was answered from memory.
         // It may not have come far, or may have been started just before the order.
         let motor = &self.motors[drive];
-        let is_started_by_others = (motor.ran_since(order.at) || !motor.rests()) && book.run_taken == Some(Run::Stop);
+        let is_started_by_others =
+            (motor.ran_since(order.at) || !motor.rests()) && book.run_taken == Some(Run::Stop);
         if is_refused
             && !is_of_drive
             && order.sent > 0
@@ -248,7 +309,10 @@ impl Checker {
             && !is_lost
             && !is_started_by_others
         {
-            let text = format!("refused with {code:02X} after {} frames: {order:?}", order.sent);
+            let text = format!(
+                "refused with {code:02X} after {} frames: {order:?}",
+                order.sent
+            );
             self.object("O8", || text);
         }
     }
@@ -272,11 +336,18 @@ impl Checker {
         let is_motion = matches!(wish.run, Some(Run::Forward | Run::Reverse));
         let is_stop = matches!(wish.run, Some(Run::Stop | Run::Coast));
         let is_in_force = (!is_motion || order.has_run || wish.run == book.run_taken)
-            && wish.setpoint.is_none_or(|it| order.has_setpoint || Some(it) == book.setpoint_taken || is_stop);
+            && wish
+                .setpoint
+                .is_none_or(|it| order.has_setpoint || Some(it) == book.setpoint_taken || is_stop);
         let ends_reset = wish.run == Some(Run::Reset);
         // Where a write stayed without an answer, only what the drive shows afterwards counts.
-        let shown = self.wire.newest().filter(|it| it.station == self.line.drives[drive].station && it.function == 3);
-        let shown = shown.filter(|it| it.heard_at.is_some()).map(|it| it.words[0]);
+        let shown = self
+            .wire
+            .newest()
+            .filter(|it| it.station == self.line.drives[drive].station && it.function == 3);
+        let shown = shown
+            .filter(|it| it.heard_at.is_some())
+            .map(|it| it.words[0]);
         let is_shown = match (wish.register, wish.setpoint) {
             (Some((_, word)), _) => shown == Some(word),
             (None, Some(word)) if !is_motion => shown == Some(word),
@@ -299,14 +370,24 @@ impl Checker {
         let book = &self.books[drive];
         let is_taken = matches!(book.run_taken, Some(Run::Stop | Run::Coast)) || book.stop.echoed;
         if !is_taken && book.stop.is_pending {
-            let text = format!("a stop is told as done that drive {drive} did not take: {:?}", book.stop);
+            let text = format!(
+                "a stop is told as done that drive {drive} did not take: {:?}",
+                book.stop
+            );
             self.object("O4", || text);
         }
     }
 
     /// A reply was received.
     pub(super) fn answered(&mut self, at: u64, exchange: &Exchange) {
-        let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
+        let Some(drive) = self
+            .line
+            .drives
+            .iter()
+            .position(|it| it.station == exchange.station)
+        else {
+            return;
+        };
         let facts = self.line.drives[drive].kind.facts();
         self.counts.replies += 1;
         if matches!((exchange.function, exchange.truth), (3, Truth::Words(_))) {
@@ -320,7 +401,9 @@ impl Checker {
         match (exchange.function, exchange.truth) {
             (3, Truth::Words(_)) => {
                 let word = |register: u16| {
-                    let offset = register.checked_sub(exchange.address).filter(|it| *it < exchange.count)?;
+                    let offset = register
+                        .checked_sub(exchange.address)
+                        .filter(|it| *it < exchange.count)?;
                     Some(exchange.words[usize::from(offset)])
                 };
                 if let Some(output) = word(facts.output) {
@@ -333,7 +416,9 @@ impl Checker {
                     book.shows_status(is_running(status));
                 }
             }
-            (6 | 16, Truth::Holds(value)) if exchange.address == facts.run && value == exchange.values[0] => {
+            (6 | 16, Truth::Holds(value))
+                if exchange.address == facts.run && value == exchange.values[0] =>
+            {
                 let is_stop = matches!(facts.run_of(value), Some(Run::Stop | Run::Coast));
                 book.echoes += u32::from(is_stop);
                 book.stop.echoed |= is_stop;
@@ -346,7 +431,9 @@ impl Checker {
                 }
             }
             // A stop that a resting drive refuses is settled.
-            (6 | 16, Truth::Exception(_)) if exchange.address == facts.run && self.motors[drive].rests() => {
+            (6 | 16, Truth::Exception(_))
+                if exchange.address == facts.run && self.motors[drive].rests() =>
+            {
                 self.books[drive].stop.is_pending = false;
             }
             _ => {}

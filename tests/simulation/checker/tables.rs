@@ -56,7 +56,13 @@ const N700: Facts = Facts {
     gap_tenths: 45,
     pause: 0,
     run: 0x0002,
-    words: &[(0, Run::Stop), (1, Run::Forward), (2, Run::Reverse), (3, Run::Coast), (4, Run::Reset)],
+    words: &[
+        (0, Run::Stop),
+        (1, Run::Forward),
+        (2, Run::Reverse),
+        (3, Run::Coast),
+        (4, Run::Reset),
+    ],
     setpoint: 0x0004,
     output: 0x0101,
     status: None,
@@ -71,7 +77,12 @@ const E510: Facts = Facts {
     gap_tenths: 35,
     pause: 20_000_000,
     run: 0x2501,
-    words: &[(0, Run::Stop), (1, Run::Forward), (3, Run::Reverse), (8, Run::Reset)],
+    words: &[
+        (0, Run::Stop),
+        (1, Run::Forward),
+        (3, Run::Reverse),
+        (8, Run::Reset),
+    ],
     setpoint: 0x2502,
     output: 0x2524,
     status: Some((0x2520, |word| word & 1 == 1)),
@@ -86,7 +97,13 @@ const FR500A: Facts = Facts {
     gap_tenths: 35,
     pause: 0,
     run: 0x2000,
-    words: &[(1, Run::Forward), (2, Run::Reverse), (5, Run::Stop), (6, Run::Coast), (7, Run::Reset)],
+    words: &[
+        (1, Run::Forward),
+        (2, Run::Reverse),
+        (5, Run::Stop),
+        (6, Run::Coast),
+        (7, Run::Reset),
+    ],
     setpoint: 0x2001,
     output: 0x3000,
     status: Some((0x2100, |word| (1..=3).contains(&word))),
@@ -112,12 +129,18 @@ impl Kind {
 impl Facts {
     /// What `word` in the run register orders.
     pub fn run_of(&self, word: u16) -> Option<Run> {
-        self.words.iter().find(|(it, _)| *it == word).map(|(_, run)| *run)
+        self.words
+            .iter()
+            .find(|(it, _)| *it == word)
+            .map(|(_, run)| *run)
     }
 
     /// The word that orders `run`.
     pub fn word_of(&self, run: Run) -> Option<u16> {
-        self.words.iter().find(|(_, it)| *it == run).map(|(word, _)| *word)
+        self.words
+            .iter()
+            .find(|(_, it)| *it == run)
+            .map(|(word, _)| *word)
     }
 }
 
@@ -158,10 +181,24 @@ pub struct Line {
 impl Line {
     /// Silence before each frame: the largest that a drive asks for, and 1.75 ms above 19200 bit/s. In ns.
     pub fn silence(&self) -> u64 {
-        let pause = self.drives.iter().map(|drive| drive.kind.facts().pause).max().unwrap_or(0);
-        let tenths = self.drives.iter().map(|drive| drive.kind.facts().gap_tenths).max().unwrap_or(35);
+        let pause = self
+            .drives
+            .iter()
+            .map(|drive| drive.kind.facts().pause)
+            .max()
+            .unwrap_or(0);
+        let tenths = self
+            .drives
+            .iter()
+            .map(|drive| drive.kind.facts().gap_tenths)
+            .max()
+            .unwrap_or(35);
         let characters = (tenths * self.char_bits * 1_000_000_000 / (10 * self.baud)).max(pause);
-        if self.baud > 19_200 { characters.max(1_750_000) } else { characters }
+        if self.baud > 19_200 {
+            characters.max(1_750_000)
+        } else {
+            characters
+        }
     }
 
     /// The station that stops all drives, where they are of one kind and each is under control.

@@ -127,7 +127,11 @@ impl Wire {
     /// The exchange that was sent `back` exchanges before the last.
     pub fn back(&self, back: usize) -> Option<&Exchange> {
         let number = (self.count as usize).checked_sub(back + 1)?;
-        if back >= KEPT { None } else { self.exchanges.get(number % KEPT) }
+        if back >= KEPT {
+            None
+        } else {
+            self.exchanges.get(number % KEPT)
+        }
     }
 
     /// A reply of `station` began `after` the end of the request.
@@ -144,7 +148,11 @@ impl Wire {
     /// The slowest of the newest replies of `station`; `None` while there were few.
     fn slowest_reply(&self, station: u8) -> Option<u64> {
         let (_, times, count) = self.replies.iter().find(|it| it.0 == station)?;
-        if *count < REPLIES { None } else { times.iter().max().copied() }
+        if *count < REPLIES {
+            None
+        } else {
+            times.iter().max().copied()
+        }
     }
 
     fn newest_mut(&mut self) -> Option<&mut Exchange> {
@@ -166,7 +174,8 @@ impl Wire {
 impl Checker {
     /// The port was opened or lost at `at`.
     pub fn port(&mut self, at: u64, is_up: bool) {
-        self.log.add(at, What::Port, 0, if is_up { b"up" } else { b"down" });
+        self.log
+            .add(at, What::Port, 0, if is_up { b"up" } else { b"down" });
         self.wire.is_up = is_up;
         self.wire.is_open = false;
         self.wire.quiet_from = at;
@@ -186,17 +195,24 @@ impl Checker {
         let is_over_babble = self.is_stop(frame) && at >= self.wire.talks_since + JAMMED;
         if gap < self.wire.silence && !is_over_babble {
             let asked = self.wire.silence;
-            self.object("O5", || format!("{gap} ns of silence before a frame, {asked} are asked for"));
+            self.object("O5", || {
+                format!("{gap} ns of silence before a frame, {asked} are asked for")
+            });
         }
         if at < self.wire.held_until {
-            self.object("O5", || "the drives are not left alone after a frame to all of them".to_owned());
+            self.object("O5", || {
+                "the drives are not left alone after a frame to all of them".to_owned()
+            });
         }
         if gap >= self.wire.silence {
             self.wire.talks_since = at;
         }
         self.wire.waits_in_jam_until = 0;
         if !is_over_babble {
-            self.wire.shortest_excess = self.wire.shortest_excess.min(gap.wrapping_sub(self.wire.silence));
+            self.wire.shortest_excess = self
+                .wire
+                .shortest_excess
+                .min(gap.wrapping_sub(self.wire.silence));
         }
         self.may_open(at, frame);
         if Some(frame[0]) == self.line.broadcast() {
@@ -239,7 +255,12 @@ impl Checker {
             match self.read_frame(at, &sound) {
                 Some(exchange) if self.is_stop(&sound) => {
                     self.written(&exchange);
-                    if let Some(place) = self.line.drives.iter().position(|it| it.station == drive.station) {
+                    if let Some(place) = self
+                        .line
+                        .drives
+                        .iter()
+                        .position(|it| it.station == drive.station)
+                    {
                         self.stop_sent(at, place);
                     }
                 }
@@ -257,13 +278,17 @@ impl Checker {
             _ => return false,
         };
         let mut kinds = self.line.drives.iter().map(|drive| drive.kind.facts());
-        kinds.any(|facts| word(2) == facts.run && matches!(facts.run_of(written), Some(Run::Stop | Run::Coast)))
+        kinds.any(|facts| {
+            word(2) == facts.run && matches!(facts.run_of(written), Some(Run::Stop | Run::Coast))
+        })
     }
 
     /// O6: the exchange before must be over: answered, damaged and followed by silence, or waited for. A stop for
     /// another drive waits only until the slowest reply would have arrived.
     fn may_open(&mut self, at: u64, frame: &[u8]) {
-        let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else { return };
+        let Some(last) = self.wire.newest().filter(|_| self.wire.is_open) else {
+            return;
+        };
         let waited = at.saturating_sub(last.end);
         let is_damaged = !self.wire.heard.is_empty() || self.wire.was_mistakable;
         if last.heard_at.is_some() || is_damaged || waited >= last.timeout.min(PROBE) {
@@ -276,7 +301,9 @@ impl Checker {
             return;
         }
         let station = last.station;
-        self.object("O6", || format!("a frame {waited} ns after one to station {station} that is not answered"));
+        self.object("O6", || {
+            format!("a frame {waited} ns after one to station {station} that is not answered")
+        });
     }
 
     fn read_frame(&self, at: u64, frame: &[u8]) -> Option<Exchange> {
@@ -286,7 +313,11 @@ impl Checker {
         let word = |at: usize| u16::from_be_bytes([frame[at], frame[at + 1]]);
         let station = frame[0];
         let function = frame[1];
-        let drive = self.line.drives.iter().find(|drive| drive.station == station)?;
+        let drive = self
+            .line
+            .drives
+            .iter()
+            .find(|drive| drive.station == station)?;
         let (count, values) = match (function, frame.len()) {
             (3, 8) => (word(4), [0; 2]),
             (6 | 8, 8) => (1, [word(4), 0]),
@@ -324,8 +355,13 @@ impl Checker {
             wire.heard.clear();
         }
         wire.heard.extend_from_slice(bytes);
-        while let Some(last) = wire.newest().filter(|last| wire.is_open && last.heard_at.is_none()) {
-            let Some(place) = reply_in(last, &wire.heard) else { break };
+        while let Some(last) = wire
+            .newest()
+            .filter(|last| wire.is_open && last.heard_at.is_none())
+        {
+            let Some(place) = reply_in(last, &wire.heard) else {
+                break;
+            };
             if wire.heard[place.clone()] != wire.truth[..] {
                 // It looks like the reply but is not, so the reply may still arrive.
                 wire.heard.drain(..place.end);
@@ -355,7 +391,11 @@ fn last_of(wire: &Wire) -> &Exchange {
 
 /// Length of the normal reply to `exchange`.
 fn reply_bytes(exchange: &Exchange) -> usize {
-    if exchange.function == 3 { 5 + 2 * usize::from(exchange.count) } else { 8 }
+    if exchange.function == 3 {
+        5 + 2 * usize::from(exchange.count)
+    } else {
+        8
+    }
 }
 
 /// The position of a sound reply to `exchange` in `bytes`.
@@ -367,7 +407,12 @@ fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>>
             return None;
         }
         let length = match rest[1] {
-            3 if rest.get(2).is_some_and(|bytes| usize::from(*bytes) != length - 5) => return None,
+            3 if rest
+                .get(2)
+                .is_some_and(|bytes| usize::from(*bytes) != length - 5) =>
+            {
+                return None;
+            }
             function if function == exchange.function => length,
             function if function == exchange.function | 0x80 => 5,
             _ => return None,
@@ -380,13 +425,21 @@ fn reply_in(exchange: &Exchange, bytes: &[u8]) -> Option<std::ops::Range<usize>>
 /// The meaning of `frame`, which a drive sent, in `exchange`.
 fn truth_of(exchange: &Exchange, frame: &[u8]) -> (Truth, [u16; WORDS]) {
     let mut words = [0; WORDS];
-    let word = |at: usize| frame.get(at..at + 2).map_or(0, |it| u16::from_be_bytes([it[0], it[1]]));
+    let word = |at: usize| {
+        frame
+            .get(at..at + 2)
+            .map_or(0, |it| u16::from_be_bytes([it[0], it[1]]))
+    };
     let truth = match frame.get(1) {
         None => Truth::Silence,
         Some(function) if function & 0x80 != 0 => Truth::Exception(frame[2]),
         Some(3) => {
             let count = usize::from(exchange.count).min(WORDS);
-            words.iter_mut().take(count).enumerate().for_each(|(place, it)| *it = word(3 + 2 * place));
+            words
+                .iter_mut()
+                .take(count)
+                .enumerate()
+                .for_each(|(place, it)| *it = word(3 + 2 * place));
             Truth::Words(count as u8)
         }
         Some(16) => Truth::Holds(exchange.values[0]),

@@ -17,7 +17,14 @@ const RESET_TAKES: u64 = 10_000_000_000;
 impl Checker {
     /// A write of ours was sent.
     pub(super) fn written(&mut self, exchange: &Exchange) {
-        let Some(drive) = self.line.drives.iter().position(|it| it.station == exchange.station) else { return };
+        let Some(drive) = self
+            .line
+            .drives
+            .iter()
+            .position(|it| it.station == exchange.station)
+        else {
+            return;
+        };
         self.counts.writes += 1;
         self.settle_stops(drive);
         let facts = self.line.drives[drive].kind.facts();
@@ -74,20 +81,35 @@ impl Checker {
     /// The age of an order that this would belong to if it were not too old.
     fn old_order(&self, drive: usize, address: u16, value: u16, at: u64) -> Option<u64> {
         let facts = self.line.drives[drive].kind.facts();
-        let run = (address == facts.run).then(|| facts.run_of(value)).flatten();
+        let run = (address == facts.run)
+            .then(|| facts.run_of(value))
+            .flatten();
         let is_it = |it: &&Order| {
             let is_setpoint = address == facts.setpoint && it.wish.setpoint == Some(value);
             it.issued_old.is_some() && (is_setpoint || (run.is_some() && it.wish.run == run))
         };
-        let issued = self.books[drive].orders.iter().rev().find(is_it).and_then(|it| it.issued_old)?;
+        let issued = self.books[drive]
+            .orders
+            .iter()
+            .rev()
+            .find(is_it)
+            .and_then(|it| it.issued_old)?;
         Some(at.saturating_sub(issued))
     }
 
     /// Finds the order that a written part belongs to.
-    fn explain(&mut self, at: u64, drive: usize, is_taken: bool, mut part: impl FnMut(&mut Order) -> bool) -> bool {
+    fn explain(
+        &mut self,
+        at: u64,
+        drive: usize,
+        is_taken: bool,
+        mut part: impl FnMut(&mut Order) -> bool,
+    ) -> bool {
         let book = &mut self.books[drive];
         let is_fit = |it: &Order| !it.is_void && !it.is_over && (it.sent > 0 || at < it.before);
-        let Some(place) = book.orders.iter_mut().position(|it| is_fit(it) && part(it)) else { return false };
+        let Some(place) = book.orders.iter_mut().position(|it| is_fit(it) && part(it)) else {
+            return false;
+        };
         let order = &mut book.orders[place];
         order.sent += 1;
         order.taken += u32::from(is_taken);
@@ -110,14 +132,21 @@ impl Checker {
     fn explain_reset(&mut self, drive: usize, at: u64, value: u16, is_taken: bool) -> bool {
         let words = self.line.drives[drive].kind.facts().reset;
         let book = &mut self.books[drive];
-        let is_next =
-            |it: &Order| it.wish.run == Some(Run::Reset) && !it.is_over && words.get(it.reset_step) == Some(&value);
+        let is_next = |it: &Order| {
+            it.wish.run == Some(Run::Reset)
+                && !it.is_over
+                && words.get(it.reset_step) == Some(&value)
+        };
         let is_fit = |it: &Order| it.sent == 0 && !it.is_void && at < it.before;
         // One that has begun continues; otherwise it is the oldest that waits.
-        let begun =
-            book.orders.iter().rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
+        let begun = book
+            .orders
+            .iter()
+            .rposition(|it| it.sent > 0 && !it.is_void && is_next(it) && at < it.at + RESET_TAKES);
         let place = begun.or_else(|| book.orders.iter().position(|it| is_next(it) && is_fit(it)));
-        let Some(order) = place.and_then(|place| book.orders.get_mut(place)) else { return false };
+        let Some(order) = place.and_then(|place| book.orders.get_mut(place)) else {
+            return false;
+        };
         order.reset_step += 1;
         order.sent += 1;
         order.taken += u32::from(is_taken);
@@ -125,20 +154,33 @@ impl Checker {
         true
     }
 
-    fn explain_stop(&mut self, exchange: &Exchange, drive: usize, value: u16, is_taken: bool) -> bool {
+    fn explain_stop(
+        &mut self,
+        exchange: &Exchange,
+        drive: usize,
+        value: u16,
+        is_taken: bool,
+    ) -> bool {
         let it = self.line.drives[drive];
         let facts = it.kind.facts();
         let turns = self.motors[drive].is_running();
         let is_coast = facts.run_of(value) == Some(Run::Coast);
-        let action = if is_coast { Action::Coast } else { Action::Stop };
+        let action = if is_coast {
+            Action::Coast
+        } else {
+            Action::Stop
+        };
         let book = &mut self.books[drive];
         let was_running = std::mem::take(&mut book.is_running) && book.zeros == 0;
         if is_taken {
             book.run_taken = facts.run_of(value);
         }
         // An order that was accepted and never sent has taken the lease as well.
-        let waited =
-            book.orders.iter().filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some()).map(|it| it.at);
+        let waited = book
+            .orders
+            .iter()
+            .filter(|it| it.wish.run.is_some() || it.wish.setpoint.is_some())
+            .map(|it| it.at);
         let is_over = |ordered: u64| exchange.at >= ordered + it.lost_after;
         let is_over = |ordered: u64| book.is_orphaned || is_over(ordered);
         let is_lost = it.on_lost == action && book.moved_at.into_iter().chain(waited).any(is_over);
@@ -166,7 +208,10 @@ impl Checker {
         if book.stop.is_pending && book.stop.is_coast == is_coast {
             return true;
         }
-        if let Some((number, at)) = book.may_stop.filter(|(_, at)| Some(*at) > book.stop.was_accepted_at) {
+        if let Some((number, at)) = book
+            .may_stop
+            .filter(|(_, at)| Some(*at) > book.stop.was_accepted_at)
+        {
             book.may_stop = None;
             book.fresh.push((number, at, is_coast));
             self.settle_stops(drive);
@@ -204,7 +249,9 @@ impl Checker {
             let is_left = at >= it.at + RESET_TAKES && it.taken as usize == words.len();
             it.wish.run == Some(Run::Reset) && it.reset_step == words.len() && !is_left
         };
-        let Some(order) = book.orders.iter_mut().rev().find(is_last) else { return false };
+        let Some(order) = book.orders.iter_mut().rev().find(is_last) else {
+            return false;
+        };
         order.sent += 1;
         words.last() == Some(&value) && order.sent as usize <= words.len() + 3
     }

@@ -93,7 +93,10 @@ pub(super) fn token_of(id: &Key) -> String {
 
 /// The session's id that a request names.
 pub(super) fn id_in(headers: &HeaderMap) -> Option<Key> {
-    headers.get_all(header::COOKIE).iter().find_map(|cookies| session_id(cookies.to_str().ok()?))
+    headers
+        .get_all(header::COOKIE)
+        .iter()
+        .find_map(|cookies| session_id(cookies.to_str().ok()?))
 }
 
 /// Accepts a request of a signed-in user.
@@ -108,17 +111,29 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
 ///
 /// # Errors
 /// What is answered instead.
-pub(super) async fn admit_with(control: &Control, request: Request, bytes_max: usize) -> Result<Admitted, Refused> {
+pub(super) async fn admit_with(
+    control: &Control,
+    request: Request,
+    bytes_max: usize,
+) -> Result<Admitted, Refused> {
     is_possible(control)?;
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
     let signed_out = || refused(StatusCode::UNAUTHORIZED, "you are not signed in");
     let id = id_in(&parts.headers).ok_or_else(signed_out)?;
     let key = key_of(&id);
-    control.sessions().user(clock::now(), &key).ok_or_else(signed_out)?;
-    let token = parts.headers.get(TOKEN_HEADER).map(header::HeaderValue::as_bytes);
+    control
+        .sessions()
+        .user(clock::now(), &key)
+        .ok_or_else(signed_out)?;
+    let token = parts
+        .headers
+        .get(TOKEN_HEADER)
+        .map(header::HeaderValue::as_bytes);
     // Compare digests: the time of the comparison then reveals nothing.
-    let is_right = token.is_some_and(|token| digest("compare", token) == digest("compare", token_of(&id).as_bytes()));
+    let is_right = token.is_some_and(|token| {
+        digest("compare", token) == digest("compare", token_of(&id).as_bytes())
+    });
     if !is_right {
         return Err(refused(
             StatusCode::FORBIDDEN,
@@ -127,11 +142,29 @@ pub(super) async fn admit_with(control: &Control, request: Request, bytes_max: u
     }
     let begun = clock::now();
     let (body, flaw) = body_of(&parts.headers, body, bytes_max).await;
-    let named = parts.headers.get(MOMENT_HEADER).map(header::HeaderValue::as_bytes);
+    let named = parts
+        .headers
+        .get(MOMENT_HEADER)
+        .map(header::HeaderValue::as_bytes);
     let old = control.moments.review(named, begun, clock::now()).err();
-    let user = control.sessions().used(clock::now(), &key).ok_or_else(signed_out)?;
-    let rights = control.front.load().rights(user).cloned().ok_or_else(signed_out)?;
-    Ok(Admitted { user, rights, body, old, flaw, key })
+    let user = control
+        .sessions()
+        .used(clock::now(), &key)
+        .ok_or_else(signed_out)?;
+    let rights = control
+        .front
+        .load()
+        .rights(user)
+        .cloned()
+        .ok_or_else(signed_out)?;
+    Ok(Admitted {
+        user,
+        rights,
+        body,
+        old,
+        flaw,
+        key,
+    })
 }
 
 /// Whether any user can sign in.
@@ -151,13 +184,19 @@ pub(super) fn is_possible(control: &Control) -> Result<(), Refused> {
 /// # Errors
 /// What is answered instead.
 pub(super) fn comes_from_own_page(headers: &HeaderMap) -> Result<(), Refused> {
-    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
-    let is_own = |origin: &header::HeaderValue| origin.to_str().is_ok_and(|origin| is_own_page(origin, host));
+    let host = headers
+        .get(header::HOST)
+        .and_then(|host| host.to_str().ok())
+        .unwrap_or_default();
+    let is_own = |origin: &header::HeaderValue| {
+        origin
+            .to_str()
+            .is_ok_and(|origin| is_own_page(origin, host))
+    };
     if headers.get_all(header::ORIGIN).iter().all(is_own) {
         return Ok(());
     }
-    let what =
-        "this request was sent by another page; a proxy in front of the gateway must pass the header Host on as it is";
+    let what = "this request was sent by another page; a proxy in front of the gateway must pass the header Host on as it is";
     Err(refused(StatusCode::FORBIDDEN, what))
 }
 
@@ -179,12 +218,26 @@ async fn body_of(headers: &HeaderMap, body: Body, bytes_max: usize) -> (Bytes, O
             let what = format!("the body is longer than {bytes_max} bytes, or broke off");
             Some(refused(StatusCode::PAYLOAD_TOO_LARGE, &what))
         }
-        Err(_) => Some(refused(StatusCode::REQUEST_TIMEOUT, "the body did not arrive in time")),
+        Err(_) => Some(refused(
+            StatusCode::REQUEST_TIMEOUT,
+            "the body did not arrive in time",
+        )),
     };
-    let kind = headers.get(header::CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-    let is_json = kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));
+    let kind = headers
+        .get(header::CONTENT_TYPE)
+        .and_then(|kind| kind.to_str().ok())
+        .unwrap_or_default();
+    let is_json = kind
+        .split(';')
+        .next()
+        .is_some_and(|kind| kind.trim().eq_ignore_ascii_case("application/json"));
     let is_right = is_json || (bytes.is_empty() && kind.is_empty());
-    let of_kind = || refused(StatusCode::UNSUPPORTED_MEDIA_TYPE, "the content type must be application/json");
+    let of_kind = || {
+        refused(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "the content type must be application/json",
+        )
+    };
     (bytes.freeze(), flaw.or_else(|| (!is_right).then(of_kind)))
 }
 
@@ -193,7 +246,9 @@ async fn collect(body: Body, bytes: &mut BytesMut, bytes_max: usize) -> bool {
     let mut body = pin!(body);
     while let Some(frame) = poll_fn(|cx| body.as_mut().poll_frame(cx)).await {
         let Ok(frame) = frame else { return false };
-        let Ok(piece) = frame.into_data() else { continue };
+        let Ok(piece) = frame.into_data() else {
+            continue;
+        };
         let room = bytes_max.saturating_sub(bytes.len());
         bytes.extend_from_slice(piece.get(..room).unwrap_or(&piece));
         if piece.len() > room {
@@ -206,8 +261,14 @@ async fn collect(body: Body, bytes: &mut BytesMut, bytes_max: usize) -> bool {
 /// Lets a client see the drives only after it has signed in, where that is configured. The page itself is shown to everybody: it
 /// holds nothing of the plant, and one signs in there.
 pub async fn view(State(control): State<Arc<Control>>, request: Request, next: Next) -> Response {
-    if control.front.load().is_private() && is_of_plant(&request) && !is_signed_in(&control, &request) {
-        return refusal(StatusCode::UNAUTHORIZED, "sign in first: this gateway shows its drives to users only");
+    if control.front.load().is_private()
+        && is_of_plant(&request)
+        && !is_signed_in(&control, &request)
+    {
+        return refusal(
+            StatusCode::UNAUTHORIZED,
+            "sign in first: this gateway shows its drives to users only",
+        );
     }
     next.run(request).await
 }
@@ -224,6 +285,8 @@ fn is_signed_in(control: &Control, request: &Request) -> bool {
 
 /// What the user who sent `headers` may do; `None` if none is signed in.
 pub(super) fn signed_in(control: &Control, headers: &HeaderMap) -> Option<Rights> {
-    let user = control.sessions().user(clock::now(), &key_of(&id_in(headers)?))?;
+    let user = control
+        .sessions()
+        .user(clock::now(), &key_of(&id_in(headers)?))?;
     control.front.load().rights(user).cloned()
 }

@@ -33,7 +33,14 @@ pub(super) async fn command(
     Path(name): Path<String>,
     request: Request,
 ) -> Response {
-    let Admitted { user, rights, body, old, flaw, .. } = match admit(&control, request).await {
+    let Admitted {
+        user,
+        rights,
+        body,
+        old,
+        flaw,
+        ..
+    } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -48,7 +55,9 @@ pub(super) async fn command(
     let keep = |reason| {
         let text = format!("{name}: {}", String::from_utf8_lossy(&body));
         let tried = Tried::Text(text.chars().take(KEPT_CHARS).collect());
-        control.side.keep(who, place, tried, Report::refused(reason));
+        control
+            .side
+            .keep(who, place, tried, Report::refused(reason));
     };
     let Some(drive) = &drive else {
         keep(Reason::UnknownDrive);
@@ -69,7 +78,9 @@ pub(super) async fn command(
                     *setpoint = None;
                 }
             }
-            let old = old.filter(|_| !wish.order.as_ref().is_some_and(Order::is_stop)).map(|old| old.to_string());
+            let old = old
+                .filter(|_| !wish.order.as_ref().is_some_and(Order::is_stop))
+                .map(|old| old.to_string());
             let (report, message) = match old {
                 Some(old) => {
                     keep(Reason::Stale);
@@ -100,7 +111,11 @@ pub(super) async fn command(
 async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &PageCommand) -> Report {
     let place = drive.description.place;
     let begun = clock::now();
-    let taken = if wish.takes { Some(control.side.command(who, place, Order::Take).await) } else { None };
+    let taken = if wish.takes {
+        Some(control.side.command(who, place, Order::Take).await)
+    } else {
+        None
+    };
     let is_refused = taken.is_some_and(|taken| taken.outcome != Outcome::Acknowledged);
     match (taken, wish.order.clone()) {
         (Some(taken), None) => taken,
@@ -108,7 +123,9 @@ async fn carry_out(control: &Control, who: Who, drive: &SharedDrive, wish: &Page
         // The line took longer to grant control than an order may wait.
         (Some(_), Some(order)) if clock::now().since(begun) >= COMMAND_DEADLINE => {
             let report = Report::new(Outcome::Expired, Reason::TooLate);
-            control.side.keep(who, Some(place), Tried::Order(order), report);
+            control
+                .side
+                .keep(who, Some(place), Tried::Order(order), report);
             report
         }
         (_, Some(order)) => control.side.command(who, place, order).await,
@@ -122,11 +139,22 @@ async fn for_drive(
     name: &str,
     request: Request,
 ) -> Result<(CommanderName, Option<Old>, Arc<SharedDrive>), Box<Response>> {
-    let Admitted { user, rights, body, old, .. } = admit(control, request).await.and_then(Admitted::whole)?;
+    let Admitted {
+        user,
+        rights,
+        body,
+        old,
+        ..
+    } = admit(control, request).await.and_then(Admitted::whole)?;
     if !is_empty(&body) {
-        return Err(Box::new(refusal(StatusCode::BAD_REQUEST, "an empty body is expected: {}")));
+        return Err(Box::new(refusal(
+            StatusCode::BAD_REQUEST,
+            "an empty body is expected: {}",
+        )));
     }
-    let Some(drive) = find(control, name) else { return Err(Box::new(unknown(control, name))) };
+    let Some(drive) = find(control, name) else {
+        return Err(Box::new(unknown(control, name)));
+    };
     if !rights.may_command(drive.description.group.as_ref()) {
         return Err(Box::new(not_allowed(&drive)));
     }
@@ -134,20 +162,31 @@ async fn for_drive(
 }
 
 /// Renews the lease of the signed-in user.
-pub(super) async fn renew(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
+pub(super) async fn renew(
+    State(control): State<Arc<Control>>,
+    Path(name): Path<String>,
+    request: Request,
+) -> Response {
     let (user, old, drive) = match for_drive(&control, &name, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
     let report = match old {
-        None => control.side.command(Who::signed_in(user), drive.description.place, Order::Renew).await,
+        None => {
+            control
+                .side
+                .command(Who::signed_in(user), drive.description.place, Order::Renew)
+                .await
+        }
         Some(_) => Report::refused(Reason::Stale),
     };
     if report.outcome == Outcome::Acknowledged {
         return StatusCode::NO_CONTENT.into_response();
     }
     let mut answer = told(&drive, report);
-    answer["error"] = old.map_or_else(|| report.message(), |old| old.to_string()).into();
+    answer["error"] = old
+        .map_or_else(|| report.message(), |old| old.to_string())
+        .into();
     (StatusCode::CONFLICT, json(&answer)).into_response()
 }
 
@@ -173,7 +212,13 @@ pub(super) async fn confirm_standstill(
 /// Stops every drive that may be commanded from the page, whatever the body says. Each line finds its orders together,
 /// so that it can stop its drives with one frame.
 pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Request) -> Response {
-    let Admitted { user, rights, body, flaw, .. } = match admit(&control, request).await {
+    let Admitted {
+        user,
+        rights,
+        body,
+        flaw,
+        ..
+    } = match admit(&control, request).await {
         Ok(admitted) => admitted,
         Err(refused) => return *refused,
     };
@@ -181,15 +226,28 @@ pub(super) async fn stop_all(State(control): State<Arc<Control>>, request: Reque
     let shared = control.side.shared();
     let order = Order::Stop { setpoint: None };
     let is_ours = |drive: &&Arc<SharedDrive>| {
-        rights.may_stop() && drive.description.control.as_ref().is_some_and(|it| it.from_page)
+        rights.may_stop()
+            && drive
+                .description
+                .control
+                .as_ref()
+                .is_some_and(|it| it.from_page)
     };
     let drives: Vec<_> = shared.drives.iter().filter(is_ours).collect();
     let places: Vec<_> = drives.iter().map(|drive| drive.description.place).collect();
     let ordered = control.side.stop_all(who, &places);
     tracing::info!(%user, drives = ordered.len(), "STOP of all drives from the page");
     if ordered.is_empty() {
-        control.side.keep(who, None, Tried::Order(order), Report::refused(Reason::NotAllowed));
-        return refusal(StatusCode::CONFLICT, "there is no drive that you may stop from the page");
+        control.side.keep(
+            who,
+            None,
+            Tried::Order(order),
+            Report::refused(Reason::NotAllowed),
+        );
+        return refusal(
+            StatusCode::CONFLICT,
+            "there is no drive that you may stop from the page",
+        );
     }
     let mut ends = Vec::with_capacity(drives.len());
     for (drive, ordered) in drives.into_iter().zip(ordered) {
@@ -213,7 +271,8 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
-    let step = setpoint_step(&drive.description.model).filter(|_| report.reason == Reason::BetweenSteps);
+    let step =
+        setpoint_step(&drive.description.model).filter(|_| report.reason == Reason::BetweenSteps);
     if let Some(step) = step {
         let said = Sentence::new("reason.between_steps_of").with("step", step.to_string());
         told["message"] = said.to_string().into();
@@ -224,12 +283,22 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
 
 /// The drive called `name`.
 pub(super) fn find(control: &Control, name: &str) -> Option<Arc<SharedDrive>> {
-    control.side.shared().drives.iter().find(|drive| drive.description.name.as_str() == name).cloned()
+    control
+        .side
+        .shared()
+        .drives
+        .iter()
+        .find(|drive| drive.description.name.as_str() == name)
+        .cloned()
 }
 
 fn unknown(control: &Control, name: &str) -> Response {
     let shared = control.side.shared();
-    let names: Vec<_> = shared.drives.iter().map(|drive| drive.description.name.as_str()).collect();
+    let names: Vec<_> = shared
+        .drives
+        .iter()
+        .map(|drive| drive.description.name.as_str())
+        .collect();
     let name: String = name.chars().take(64).collect();
     let answer = json!({ "error": format!("there is no drive `{name}`"), "drives": names });
     (StatusCode::NOT_FOUND, json(&answer)).into_response()

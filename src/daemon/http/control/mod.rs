@@ -67,7 +67,8 @@ impl Control {
     pub fn change(&self, front: Front) {
         let before = self.front.swap(Arc::new(front));
         let front = self.front.load();
-        self.sessions().keep(|user: CommanderName| front.knows_as(&before, user));
+        self.sessions()
+            .keep(|user: CommanderName| front.knows_as(&before, user));
         // Stored until the listener waits for it, so that none is missed.
         self.changed.notify_one();
     }

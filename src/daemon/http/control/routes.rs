@@ -18,24 +18,40 @@ use std::sync::Arc;
 pub fn router(control: Arc<Control>, diagnostics: Arc<Diagnostics>) -> Router {
     let for_users = (Arc::clone(&control), diagnostics);
     Router::new()
-        .route("/api/v1/session", get(sign_in::session).post(sign_in::sign_in).delete(sign_in::sign_out))
+        .route(
+            "/api/v1/session",
+            get(sign_in::session)
+                .post(sign_in::sign_in)
+                .delete(sign_in::sign_out),
+        )
         .route("/api/v1/drives/{name}/command", post(commands::command))
         .route("/api/v1/drives/{name}/lease", post(commands::renew))
-        .route("/api/v1/drives/{name}/standstill", post(commands::confirm_standstill))
+        .route(
+            "/api/v1/drives/{name}/standstill",
+            post(commands::confirm_standstill),
+        )
         .route("/api/v1/stop", post(commands::stop_all))
         .route("/api/v1/standby/yield", post(yield_lines))
         .with_state(Arc::clone(&control))
         .merge(commissioning::router(control))
-        .merge(Router::new().route("/api/v1/diagnostics", post(diagnostics_for_user)).with_state(for_users))
+        .merge(
+            Router::new()
+                .route("/api/v1/diagnostics", post(diagnostics_for_user))
+                .with_state(for_users),
+        )
 }
 
 type ForUsers = (Arc<Control>, Arc<Diagnostics>);
 
-async fn diagnostics_for_user(State((control, diagnostics)): State<ForUsers>, request: Request) -> Response {
+async fn diagnostics_for_user(
+    State((control, diagnostics)): State<ForUsers>,
+    request: Request,
+) -> Response {
     match admit(&control, request).await.and_then(Admitted::whole) {
-        Ok(admitted) if !admitted.rights.may_maintain() => {
-            refusal(StatusCode::FORBIDDEN, "diagnostics need the role `maintain`")
-        }
+        Ok(admitted) if !admitted.rights.may_maintain() => refusal(
+            StatusCode::FORBIDDEN,
+            "diagnostics need the role `maintain`",
+        ),
         Ok(admitted) => {
             tracing::info!(user = %admitted.user, "diagnostics made for the page");
             answer(&diagnostics).await
@@ -46,9 +62,10 @@ async fn diagnostics_for_user(State((control, diagnostics)): State<ForUsers>, re
 
 async fn yield_lines(State(control): State<Arc<Control>>, request: Request) -> Response {
     match admit(&control, request).await.and_then(Admitted::whole) {
-        Ok(admitted) if !admitted.rights.may_maintain() => {
-            refusal(StatusCode::FORBIDDEN, "to give a line to the other gateway needs the role `maintain`")
-        }
+        Ok(admitted) if !admitted.rights.may_maintain() => refusal(
+            StatusCode::FORBIDDEN,
+            "to give a line to the other gateway needs the role `maintain`",
+        ),
         Ok(Admitted { old: Some(old), .. }) => refusal(StatusCode::CONFLICT, &old.to_string()),
         Ok(Admitted { user, body, .. }) => {
             hand_over::answer(Arc::clone(&control.side), Who::signed_in(user), &body).await

@@ -1,7 +1,9 @@
 //! Signing in and out.
 
 use super::Control;
-use super::admission::{Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of};
+use super::admission::{
+    Refused, admit, comes_from_own_page, id_in, is_possible, json_body, key_of, refused, token_of,
+};
 use crate::daemon::host::clock;
 use crate::daemon::http::answers::json;
 use crate::daemon::http::entrance::Peer;
@@ -29,9 +31,15 @@ pub(super) async fn session(State(control): State<Arc<Control>>, headers: Header
     let front = control.front.load_full();
     let is_enabled = !front.users().is_empty();
     let id = id_in(&headers).filter(|_| is_enabled);
-    let user = id.and_then(|id| Some((control.sessions().user(clock::now(), &key_of(&id))?, token_of(&id))));
-    let mut answer =
-        user.map_or(json!({ "user": null, "token": null }), |(user, token)| signed_in_as(&front, user, token));
+    let user = id.and_then(|id| {
+        Some((
+            control.sessions().user(clock::now(), &key_of(&id))?,
+            token_of(&id),
+        ))
+    });
+    let mut answer = user.map_or(json!({ "user": null, "token": null }), |(user, token)| {
+        signed_in_as(&front, user, token)
+    });
     answer["enabled"] = is_enabled.into();
     answer["private"] = front.is_private().into();
     answer["moment"] = control.moments.at(clock::now()).into();
@@ -64,19 +72,40 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
     let (parts, body) = request.into_parts();
     comes_from_own_page(&parts.headers)?;
     let body = json_body(&parts.headers, body).await?;
-    let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {SIGN_IN_EXAMPLE} is expected"));
+    let expected = || {
+        refused(
+            StatusCode::BAD_REQUEST,
+            &format!("a body such as {SIGN_IN_EXAMPLE} is expected"),
+        )
+    };
     let (name, password) = body::sign_in(&body).ok_or_else(expected)?;
-    let peer = parts.extensions.get::<Peer>().map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
+    let peer = parts
+        .extensions
+        .get::<Peer>()
+        .map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |Peer(peer)| *peer);
     // Not counted as an attempt: nothing was compared.
-    let Ok(_place) = control.sign_ins.try_acquire() else { return Err(busy()) };
-    control.attempts().begin(clock::now(), peer).map_err(|wait| wait_first(wait, peer))?;
+    let Ok(_place) = control.sign_ins.try_acquire() else {
+        return Err(busy());
+    };
+    control
+        .attempts()
+        .begin(clock::now(), peer)
+        .map_err(|wait| wait_first(wait, peer))?;
     let Some(user) = verified(control, &name, password).await? else {
         control.attempts().failed(clock::now(), peer);
         tracing::warn!(%peer, "sign-in on the page failed");
-        return Err(refused(StatusCode::UNAUTHORIZED, "the user or the password is wrong"));
+        return Err(refused(
+            StatusCode::UNAUTHORIZED,
+            "the user or the password is wrong",
+        ));
     };
     control.attempts().succeeded(peer);
-    let id = random().ok_or_else(|| refused(StatusCode::INTERNAL_SERVER_ERROR, "no random numbers from the system"))?;
+    let id = random().ok_or_else(|| {
+        refused(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "no random numbers from the system",
+        )
+    })?;
     if let Some(before) = id_in(&parts.headers) {
         control.sessions().close(&key_of(&before));
     }
@@ -90,25 +119,47 @@ async fn signed_in(control: &Control, request: Request) -> Result<Response, Refu
 }
 
 fn busy() -> Refused {
-    refused(StatusCode::SERVICE_UNAVAILABLE, "too many sign-ins at once; try again")
+    refused(
+        StatusCode::SERVICE_UNAVAILABLE,
+        "too many sign-ins at once; try again",
+    )
 }
 
 fn wait_first(wait: Duration, peer: IpAddr) -> Refused {
     tracing::debug!(%peer, ?wait, "sign-in on the page refused: too many have failed");
     let seconds = wait.as_secs() + u64::from(wait.subsec_nanos() > 0);
-    let mut answer =
-        refused(StatusCode::TOO_MANY_REQUESTS, &format!("too many sign-ins have failed; try again in {seconds} s"));
-    answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+    let mut answer = refused(
+        StatusCode::TOO_MANY_REQUESTS,
+        &format!("too many sign-ins have failed; try again in {seconds} s"),
+    );
+    answer
+        .headers_mut()
+        .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
     answer
 }
 
 /// The user called `name`, if `password` is right. Takes equally long for a user who does not exist.
-async fn verified(control: &Control, name: &str, password: String) -> Result<Option<CommanderName>, Refused> {
-    let place = timeout(VERIFIED_WITHIN, Arc::clone(&control.verifications).acquire_owned()).await;
-    let Ok(Ok(place)) = place else { return Err(busy()) };
+async fn verified(
+    control: &Control,
+    name: &str,
+    password: String,
+) -> Result<Option<CommanderName>, Refused> {
+    let place = timeout(
+        VERIFIED_WITHIN,
+        Arc::clone(&control.verifications).acquire_owned(),
+    )
+    .await;
+    let Ok(Ok(place)) = place else {
+        return Err(busy());
+    };
     let front = control.front.load_full();
-    let known = front.users().iter().find(|user| user.name.as_str() == name).cloned();
-    let Some(User { name, hash, .. }) = known.clone().or_else(|| front.users().first().cloned()) else {
+    let known = front
+        .users()
+        .iter()
+        .find(|user| user.name.as_str() == name)
+        .cloned();
+    let Some(User { name, hash, .. }) = known.clone().or_else(|| front.users().first().cloned())
+    else {
         return Ok(None);
     };
     let matches = tokio::task::spawn_blocking(move || {
@@ -141,7 +192,11 @@ fn random() -> Option<Key> {
 
 /// Scripts cannot read the cookie, and other pages cannot have it sent.
 fn set_cookie(control: &Control, answer: &mut Response, id: &str, more: &str) {
-    let secure = if control.front.load().tls().is_some() { "; Secure" } else { "" };
+    let secure = if control.front.load().tls().is_some() {
+        "; Secure"
+    } else {
+        ""
+    };
     let cookie = format!("{COOKIE}={id}; HttpOnly; SameSite=Strict; Path=/{secure}{more}");
     if let Ok(cookie) = HeaderValue::from_str(&cookie) {
         answer.headers_mut().insert(header::SET_COOKIE, cookie);

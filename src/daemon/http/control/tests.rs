@@ -11,7 +11,9 @@ use crate::daemon::host::clock;
 use crate::daemon::http::{self, CONNECTIONS_MAX, State};
 use crate::daemon::local::LocalSide;
 use crate::daemon::testing::Dir;
-use crate::domain::command::{CommandAnswer, CommandRequest, Order, Outcome, Owner, Reason, Report};
+use crate::domain::command::{
+    CommandAnswer, CommandRequest, Order, Outcome, Owner, Reason, Report,
+};
 use crate::domain::control::{ControlSettings, FailSafe};
 use crate::domain::frequency::Hertz;
 use crate::domain::ids::{CommanderName, Name};
@@ -33,11 +35,15 @@ const PASSWORD: &str = "correct horse";
 
 fn hash() -> StoredHash {
     static HASH: OnceLock<StoredHash> = OnceLock::new();
-    HASH.get_or_init(|| StoredHash::make(PASSWORD, &[7; 16]).unwrap()).clone()
+    HASH.get_or_init(|| StoredHash::make(PASSWORD, &[7; 16]).unwrap())
+        .clone()
 }
 
 fn settings(users: &[&str]) -> HttpSettings {
-    let rights = Rights { role: Role::Maintain, groups: None };
+    let rights = Rights {
+        role: Role::Maintain,
+        groups: None,
+    };
     let user = |name: &&str| UserSettings {
         name: CommanderName::new(name).unwrap(),
         hash: HashSource::Text(hash()),
@@ -71,29 +77,58 @@ fn house_of(users: &[&str]) -> House {
     let plain = state(false);
     let shared = plain.shared.get();
     let lost = (FailSafe::Stop, Duration::from_secs(3));
-    let control = ControlSettings::new((Hertz::ZERO, Hertz::from_millihertz(50_000)), lost, FailSafe::Stop);
+    let control = ControlSettings::new(
+        (Hertz::ZERO, Hertz::from_millihertz(50_000)),
+        lost,
+        FailSafe::Stop,
+    );
     let drive = |name: &str, index, from_page| {
         let mut description = shared.drives[0].description.clone();
         description.name = crate::domain::ids::Name::new(name).unwrap();
         description.place.drive = crate::domain::ids::DriveIndex(index);
-        description.control = Some(Arc::new(ControlSettings { from_page, ..control.clone() }));
+        description.control = Some(Arc::new(ControlSettings {
+            from_page,
+            ..control.clone()
+        }));
         description
     };
     let line = (shared.lines[0].name.clone(), shared.lines[0].interface);
-    let shared = Arc::new(Shared::new(vec![line], vec![drive("pump-1", 0, true), drive("pump-2", 1, false)]));
-    let state = State { shared: Arc::clone(&shared).into(), mqtt: None.into(), ..Arc::into_inner(plain).unwrap() };
+    let shared = Arc::new(Shared::new(
+        vec![line],
+        vec![drive("pump-1", 0, true), drive("pump-2", 1, false)],
+    ));
+    let state = State {
+        shared: Arc::clone(&shared).into(),
+        mqtt: None.into(),
+        ..Arc::into_inner(plain).unwrap()
+    };
     let answers = Arc::<AnswerBox>::default();
     let heard = Rc::<RefCell<Vec<_>>>::default();
     let side = Arc::new(LocalSide::new(Arc::clone(&shared), None));
     tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&answers)));
     let gives_late = Rc::<Cell<bool>>::default();
-    tokio::task::spawn_local(play(shared, answers, Rc::clone(&heard), Rc::clone(&gives_late)));
+    tokio::task::spawn_local(play(
+        shared,
+        answers,
+        Rc::clone(&heard),
+        Rc::clone(&gives_late),
+    ));
     let documents = http::Documents::new(Arc::new(state));
-    let control =
-        Arc::new(Control::new(side, documents.live.moments().clone(), Front::read(&settings(users)).unwrap(), None));
+    let control = Arc::new(Control::new(
+        side,
+        documents.live.moments().clone(),
+        Front::read(&settings(users)).unwrap(),
+        None,
+    ));
     let listener = TcpListener::from_std(listener).unwrap();
     let served = tokio::task::spawn_local(http::serve(listener, documents, Arc::clone(&control)));
-    House { address, control, heard, gives_late, listener: served.abort_handle() }
+    House {
+        address,
+        control,
+        heard,
+        gives_late,
+        listener: served.abort_handle(),
+    }
 }
 
 async fn play(
@@ -107,7 +142,15 @@ async fn play(
         shared.lines[0].inbox.take(&mut batch);
         let mut news = Vec::new();
         for message in batch.drain(..) {
-            let Message::Command(CommandRequest { asker, ticket, drive, origin, order, .. }) = message else {
+            let Message::Command(CommandRequest {
+                asker,
+                ticket,
+                drive,
+                origin,
+                order,
+                ..
+            }) = message
+            else {
                 panic!("{message:?}")
             };
             let report = match &order {
@@ -120,7 +163,13 @@ async fn play(
                 _ => Report::new(Outcome::Confirmed, Reason::None),
             };
             heard.borrow_mut().push((origin.owner, order));
-            news.push(News::Command(CommandAnswer { asker, ticket, drive, report, is_final: true }));
+            news.push(News::Command(CommandAnswer {
+                asker,
+                ticket,
+                drive,
+                report,
+                is_final: true,
+            }));
         }
         answers.put(&mut news);
         tokio::time::sleep(Duration::from_millis(1)).await;
@@ -137,12 +186,21 @@ impl House {
 
     /// Sends a request as a client that has received the present moment.
     async fn ask(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
-        let head = format!("{head}Vfd-Moment: {}\r\n", self.control.moments.at(clock::now()));
+        let head = format!(
+            "{head}Vfd-Moment: {}\r\n",
+            self.control.moments.at(clock::now())
+        );
         self.ask_as(method, path, &head, body).await
     }
 
     /// Sends a request with this head alone.
-    async fn ask_as(&self, method: &str, path: &str, head: &str, body: &str) -> (u16, String, Value) {
+    async fn ask_as(
+        &self,
+        method: &str,
+        path: &str,
+        head: &str,
+        body: &str,
+    ) -> (u16, String, Value) {
         let stream = TcpStream::connect(self.address).await.unwrap();
         self.ask_on(stream, method, path, head, body).await
     }
@@ -165,7 +223,11 @@ impl House {
         stream.read_to_string(&mut text).await.unwrap();
         let (head, body) = text.split_once("\r\n\r\n").unwrap();
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        (status, head.to_owned(), serde_json::from_str(body).unwrap_or(Value::Null))
+        (
+            status,
+            head.to_owned(),
+            serde_json::from_str(body).unwrap_or(Value::Null),
+        )
     }
 
     /// The headers of a client that has signed in as `user`.
@@ -173,9 +235,15 @@ impl House {
         let body = json!({ "user": user, "password": PASSWORD }).to_string();
         let (status, head, body) = self.ask("POST", "/api/v1/session", "", &body).await;
         assert_eq!(status, 200, "{body}");
-        let cookie = head.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
+        let cookie = head
+            .lines()
+            .find_map(|line| line.strip_prefix("set-cookie: "))
+            .unwrap();
         let (cookie, _) = cookie.split_once(';').unwrap();
-        format!("Cookie: {cookie}\r\nX-CSRF-Token: {}\r\n", body["token"].as_str().unwrap())
+        format!(
+            "Cookie: {cookie}\r\nX-CSRF-Token: {}\r\n",
+            body["token"].as_str().unwrap()
+        )
     }
 }
 
@@ -188,18 +256,45 @@ fn orders_go_to_the_line_under_the_name_of_anyone_who_is_signed_in() {
     on_a_runtime(async {
         let house = house_of(&["anna"]);
         let head = house.sign_in("anna").await;
-        let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, r#"{"reset": true}"#).await;
-        assert_eq!((status, &told["drive"], &told["outcome"]), (200, &"pump-1".into(), &"confirmed".into()));
-        let (status, _, _) = house.ask("POST", "/api/v1/drives/pump-1/lease", &head, "{}").await;
+        let (status, _, told) = house
+            .ask(
+                "POST",
+                "/api/v1/drives/pump-1/command",
+                &head,
+                r#"{"reset": true}"#,
+            )
+            .await;
+        assert_eq!(
+            (status, &told["drive"], &told["outcome"]),
+            (200, &"pump-1".into(), &"confirmed".into())
+        );
+        let (status, _, _) = house
+            .ask("POST", "/api/v1/drives/pump-1/lease", &head, "{}")
+            .await;
         assert_eq!(status, 204);
         let body = r#"{"take": true, "run": "forward"}"#;
-        let (_, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
-        assert_eq!(told["holder"], "mqtt", "what cannot be taken is not commanded: {told}");
+        let (_, _, told) = house
+            .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
+            .await;
+        assert_eq!(
+            told["holder"], "mqtt",
+            "what cannot be taken is not commanded: {told}"
+        );
         let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, "").await;
-        let names: Vec<_> = told["drives"].as_array().unwrap().iter().map(|it| it["drive"].clone()).collect();
-        assert_eq!((status, names), (200, vec!["pump-1".into()]), "only what the page may command");
+        let names: Vec<_> = told["drives"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|it| it["drive"].clone())
+            .collect();
+        assert_eq!(
+            (status, names),
+            (200, vec!["pump-1".into()]),
+            "only what the page may command"
+        );
         let stop = Order::Stop { setpoint: None };
-        let right = [Order::Reset, Order::Renew, Order::Take, stop].map(|order| (owner("anna"), order));
+        let right =
+            [Order::Reset, Order::Renew, Order::Take, stop].map(|order| (owner("anna"), order));
         assert_eq!(*house.heard.borrow(), right);
     });
 }
@@ -211,20 +306,56 @@ fn a_stop_is_carried_out_whatever_stands_beside_it() {
         let head = house.sign_in("anna").await;
         let stop = (owner("anna"), Order::Stop { setpoint: None });
         let large = format!(r#"{{"run": "stop", "x": "{}"}}"#, "x".repeat(10_000));
-        let bodies =
-            [r#"{"run": "stop", "speed": 3}"#, r#"{"run": "stop", "run": "forward"}"#, r#"{"run": "stop"} x"#, &large];
+        let bodies = [
+            r#"{"run": "stop", "speed": 3}"#,
+            r#"{"run": "stop", "run": "forward"}"#,
+            r#"{"run": "stop"} x"#,
+            &large,
+        ];
         for body in bodies {
-            let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
-            assert_eq!((status, &told["outcome"]), (200, &"confirmed".into()), "{told}");
-            assert!(told["message"].as_str().unwrap().starts_with("the stop was taken all the same: "), "{told}");
-            assert_eq!(house.heard.borrow_mut().drain(..).collect::<Vec<_>>(), std::slice::from_ref(&stop), "{told}");
+            let (status, _, told) = house
+                .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
+                .await;
+            assert_eq!(
+                (status, &told["outcome"]),
+                (200, &"confirmed".into()),
+                "{told}"
+            );
+            assert!(
+                told["message"]
+                    .as_str()
+                    .unwrap()
+                    .starts_with("the stop was taken all the same: "),
+                "{told}"
+            );
+            assert_eq!(
+                house.heard.borrow_mut().drain(..).collect::<Vec<_>>(),
+                std::slice::from_ref(&stop),
+                "{told}"
+            );
         }
         let (status, _, told) = house.ask("POST", "/api/v1/stop", &head, &large).await;
-        assert_eq!((status, &told["drives"][0]["outcome"]), (200, &"confirmed".into()), "{told}");
-        assert!(told["message"].as_str().unwrap().contains("an empty body is expected"), "{told}");
+        assert_eq!(
+            (status, &told["drives"][0]["outcome"]),
+            (200, &"confirmed".into()),
+            "{told}"
+        );
+        assert!(
+            told["message"]
+                .as_str()
+                .unwrap()
+                .contains("an empty body is expected"),
+            "{told}"
+        );
         house.heard.borrow_mut().clear();
         let large = format!(r#"{{"run": "forward", "x": "{}"}}"#, "x".repeat(10_000));
-        assert_eq!(house.ask("POST", "/api/v1/drives/pump-1/command", &head, &large).await.0, 413);
+        assert_eq!(
+            house
+                .ask("POST", "/api/v1/drives/pump-1/command", &head, &large)
+                .await
+                .0,
+            413
+        );
         assert!(house.heard.borrow().is_empty());
     });
 }
@@ -234,8 +365,10 @@ fn an_order_whose_body_came_late_is_stale_and_a_stop_is_not() {
     on_a_runtime(async {
         let house = house_of(&["anna"]);
         let head = house.sign_in("anna").await;
-        for (body, outcome, orders) in [(r#"{"run": "forward"}"#, "refused", 0), (r#"{"run": "stop"}"#, "confirmed", 1)]
-        {
+        for (body, outcome, orders) in [
+            (r#"{"run": "forward"}"#, "refused", 0),
+            (r#"{"run": "stop"}"#, "confirmed", 1),
+        ] {
             let mut stream = TcpStream::connect(house.address).await.unwrap();
             let request = format!(
                 "POST /api/v1/drives/pump-1/command HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{head}\
@@ -247,7 +380,10 @@ fn an_order_whose_body_came_late_is_stale_and_a_stop_is_not() {
             stream.write_all(body.as_bytes()).await.unwrap();
             let mut text = String::new();
             stream.read_to_string(&mut text).await.unwrap();
-            assert!(text.contains(&format!(r#""outcome":"{outcome}""#)), "{text}");
+            assert!(
+                text.contains(&format!(r#""outcome":"{outcome}""#)),
+                "{text}"
+            );
             assert_eq!(house.heard.borrow().len(), orders, "{text}");
         }
     });
@@ -259,34 +395,69 @@ fn of_what_waited_as_a_whole_on_its_way_only_a_stop_is_carried_out() {
         let house = house_of(&["anna"]);
         let signed_in = house.sign_in("anna").await;
         let named = |moment: String| format!("{signed_in}Vfd-Moment: {moment}\r\n");
-        let waited = house.control.moments.at(clock::now().before(AGE_MAX + Duration::from_millis(30_000)));
+        let waited = house
+            .control
+            .moments
+            .at(clock::now().before(AGE_MAX + Duration::from_millis(30_000)));
         let of_another_process = Moments::new(1).at(clock::now());
-        let guessed = house.control.moments.at(clock::now()).replace(char::is_alphabetic, "0");
+        let guessed = house
+            .control
+            .moments
+            .at(clock::now())
+            .replace(char::is_alphabetic, "0");
         for (head, text) in [
-            (named(waited), "the order may have waited for 31.5 s on its way"),
+            (
+                named(waited),
+                "the order may have waited for 31.5 s on its way",
+            ),
             (named(of_another_process), "the gateway has restarted since"),
             (named(guessed), "the gateway has restarted since"),
-            (signed_in.clone(), "the order does not say how old it may be"),
+            (
+                signed_in.clone(),
+                "the order does not say how old it may be",
+            ),
         ] {
-            for body in [r#"{"run": "forward"}"#, r#"{"frequency_hz": 30}"#, r#"{"reset": true}"#, r#"{"take": true}"#]
-            {
-                let (status, _, told) = house.ask_as("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+            for body in [
+                r#"{"run": "forward"}"#,
+                r#"{"frequency_hz": 30}"#,
+                r#"{"reset": true}"#,
+                r#"{"take": true}"#,
+            ] {
+                let (status, _, told) = house
+                    .ask_as("POST", "/api/v1/drives/pump-1/command", &head, body)
+                    .await;
                 let words = (status, &told["outcome"], &told["reason"]);
-                assert_eq!(words, (200, &"refused".into(), &"stale".into()), "{body}: {told}");
-                assert!(told["message"].as_str().unwrap().starts_with(text), "{body}: {told}");
+                assert_eq!(
+                    words,
+                    (200, &"refused".into(), &"stale".into()),
+                    "{body}: {told}"
+                );
+                assert!(
+                    told["message"].as_str().unwrap().starts_with(text),
+                    "{body}: {told}"
+                );
             }
-            let (status, _, told) = house.ask_as("POST", "/api/v1/drives/pump-1/lease", &head, "{}").await;
+            let (status, _, told) = house
+                .ask_as("POST", "/api/v1/drives/pump-1/lease", &head, "{}")
+                .await;
             assert_eq!((status, &told["reason"]), (409, &"stale".into()), "{told}");
             assert!(told["error"].as_str().unwrap().starts_with(text), "{told}");
             assert_eq!(*house.heard.borrow(), [], "{text}");
             for (path, body) in [
                 ("/api/v1/drives/pump-1/command", r#"{"run": "stop"}"#),
                 ("/api/v1/drives/pump-1/command", r#"{"run": "coast"}"#),
-                ("/api/v1/drives/pump-1/command", r#"{"run": "stop", "run": "forward", "x": 1}"#),
+                (
+                    "/api/v1/drives/pump-1/command",
+                    r#"{"run": "stop", "run": "forward", "x": 1}"#,
+                ),
                 ("/api/v1/stop", ""),
             ] {
                 let (status, _, told) = house.ask_as("POST", path, &head, body).await;
-                assert_eq!((status, house.heard.borrow_mut().drain(..).count()), (200, 1), "{path} {body}: {told}");
+                assert_eq!(
+                    (status, house.heard.borrow_mut().drain(..).count()),
+                    (200, 1),
+                    "{path} {body}: {told}"
+                );
             }
         }
     });
@@ -299,43 +470,105 @@ fn a_role_and_groups_say_what_a_user_may_do_and_a_private_gateway_shows_nothing_
         let mut next = settings(&["anna", "bob", "carl"]);
         next.view = Viewers::SignedIn;
         next.users[1].rights.role = Role::View;
-        next.users[2].rights = Rights { role: Role::Operate, groups: Some([Name::new("water").unwrap()].into()) };
+        next.users[2].rights = Rights {
+            role: Role::Operate,
+            groups: Some([Name::new("water").unwrap()].into()),
+        };
         house.control.change(Front::read(&next).unwrap());
-        for path in ["/api/v1/state", "/api/v1/events", "/api/v1/trend?drive=pump-1", "/api/v1/health"] {
+        for path in [
+            "/api/v1/state",
+            "/api/v1/events",
+            "/api/v1/trend?drive=pump-1",
+            "/api/v1/health",
+        ] {
             let (status, _, body) = house.ask("GET", path, "", "").await;
             assert_eq!(status, 401, "{path}: {body}");
         }
-        for path in ["/healthz", "/metrics", "/", "/assets/app.js", "/api/v1/session"] {
+        for path in [
+            "/healthz",
+            "/metrics",
+            "/",
+            "/assets/app.js",
+            "/api/v1/session",
+        ] {
             assert_eq!(house.ask("GET", path, "", "").await.0, 200, "{path}");
         }
         let stop = (r#"{"run":"stop"}"#, "/api/v1/drives/pump-1/command");
         let mut outcomes = Vec::new();
         for user in ["anna", "bob", "carl"] {
             let head = house.sign_in(user).await;
-            assert_eq!(house.ask("GET", "/api/v1/state", &head, "").await.0, 200, "{user} looks");
+            assert_eq!(
+                house.ask("GET", "/api/v1/state", &head, "").await.0,
+                200,
+                "{user} looks"
+            );
             let (status, _, answer) = house.ask("POST", stop.1, &head, stop.0).await;
             let all = house.ask("POST", "/api/v1/stop", &head, "{}").await.0;
             outcomes.push((status, answer["reason"].as_str().unwrap().to_owned(), all));
             // Making the archive takes ten seconds, so only the refusal is looked at.
             if user != "anna" {
-                assert_eq!(house.ask("POST", "/api/v1/diagnostics", &head, "{}").await.0, 403, "{user}");
+                assert_eq!(
+                    house
+                        .ask("POST", "/api/v1/diagnostics", &head, "{}")
+                        .await
+                        .0,
+                    403,
+                    "{user}"
+                );
             }
-            let (status, _, given) = house.ask("POST", "/api/v1/standby/yield", &head, "{}").await;
+            let (status, _, given) = house
+                .ask("POST", "/api/v1/standby/yield", &head, "{}")
+                .await;
             let nothing = json!({ "yielded": false, "lines": [] });
-            let allowed = if user == "anna" { (200, nothing) } else { (403, given.clone()) };
+            let allowed = if user == "anna" {
+                (200, nothing)
+            } else {
+                (403, given.clone())
+            };
             assert_eq!((status, given), allowed, "{user}");
         }
         let told = |status, reason: &str, all| (status, reason.to_owned(), all);
-        assert_eq!(outcomes, [told(200, "none", 200), told(403, "not_allowed", 409), told(200, "none", 200)]);
+        assert_eq!(
+            outcomes,
+            [
+                told(200, "none", 200),
+                told(403, "not_allowed", 409),
+                told(200, "none", 200)
+            ]
+        );
         let carl = house.sign_in("carl").await;
-        for body in [r#"{"run": "forward"}"#, r#"{"frequency_hz": 10.0}"#, r#"{"take": true}"#, r#"{"reset": true}"#] {
+        for body in [
+            r#"{"run": "forward"}"#,
+            r#"{"frequency_hz": 10.0}"#,
+            r#"{"take": true}"#,
+            r#"{"reset": true}"#,
+        ] {
             let (status, _, answer) = house.ask("POST", stop.1, &carl, body).await;
-            assert_eq!((status, &answer["reason"]), (403, &json!("not_allowed")), "a drive of another group: {body}");
+            assert_eq!(
+                (status, &answer["reason"]),
+                (403, &json!("not_allowed")),
+                "a drive of another group: {body}"
+            );
         }
-        assert_eq!(house.ask("POST", "/api/v1/drives/pump-1/lease", &carl, "{}").await.0, 403);
-        assert!(house.heard.borrow().iter().all(|(_, order)| order.is_stop()));
+        assert_eq!(
+            house
+                .ask("POST", "/api/v1/drives/pump-1/lease", &carl, "{}")
+                .await
+                .0,
+            403
+        );
+        assert!(
+            house
+                .heard
+                .borrow()
+                .iter()
+                .all(|(_, order)| order.is_stop())
+        );
         let (_, _, session) = house.ask("GET", "/api/v1/session", &carl, "").await;
-        assert_eq!((&session["role"], &session["groups"]), (&json!("operate"), &json!(["water"])));
+        assert_eq!(
+            (&session["role"], &session["groups"]),
+            (&json!("operate"), &json!(["water"]))
+        );
     });
 }
 
@@ -346,9 +579,15 @@ fn an_order_that_waited_until_control_was_taken_over_has_its_deadline_too() {
         let head = house.sign_in("anna").await;
         house.gives_late.set(true);
         let body = r#"{"take": true, "run": "forward"}"#;
-        let (status, _, told) = house.ask("POST", "/api/v1/drives/pump-1/command", &head, body).await;
+        let (status, _, told) = house
+            .ask("POST", "/api/v1/drives/pump-1/command", &head, body)
+            .await;
         let words = (status, &told["outcome"], &told["reason"]);
-        assert_eq!(words, (200, &"expired".into(), &"too_late".into()), "{told}");
+        assert_eq!(
+            words,
+            (200, &"expired".into(), &"too_late".into()),
+            "{told}"
+        );
         assert_eq!(*house.heard.borrow(), [(owner("anna"), Order::Take)]);
     });
 }
@@ -360,21 +599,33 @@ fn a_session_and_the_events_hand_out_the_moment_that_an_order_names() {
         let head = house.sign_in("anna").await;
         let (_, _, session) = house.ask_as("GET", "/api/v1/session", &head, "").await;
         let mut events = TcpStream::connect(house.address).await.unwrap();
-        events.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n").await.unwrap();
+        events
+            .write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            .await
+            .unwrap();
         let mut text = String::new();
         let told = loop {
             let mut bytes = [0; 4096];
             let length = events.read(&mut bytes).await.unwrap();
             assert_ne!(length, 0, "{text}");
             text += &String::from_utf8_lossy(&bytes[..length]);
-            let alive = text.split("event: alive\ndata: ").nth(1).and_then(|it| it.split_once("\n\n"));
+            let alive = text
+                .split("event: alive\ndata: ")
+                .nth(1)
+                .and_then(|it| it.split_once("\n\n"));
             if let Some((data, _)) = alive {
                 break serde_json::from_str::<Value>(data).unwrap();
             }
         };
         for moment in [&session["moment"], &told["moment"]] {
             let moment = moment.as_str().unwrap().as_bytes();
-            assert_eq!(house.control.moments.review(Some(moment), clock::now(), clock::now()), Ok(()));
+            assert_eq!(
+                house
+                    .control
+                    .moments
+                    .review(Some(moment), clock::now(), clock::now()),
+                Ok(())
+            );
         }
     });
 }
@@ -389,8 +640,13 @@ fn a_new_front_signs_out_anyone_who_is_not_in_it_any_more() {
         let mut next = settings(&["bob", "carl"]);
         next.users[1].hash = HashSource::Text(StoredHash::make("another horse", &[8; 16]).unwrap());
         house.control.change(Front::read(&next).unwrap());
-        let user = async |head: &str| house.ask("GET", "/api/v1/session", head, "").await.2["user"].clone();
-        assert_eq!((user(&anna).await, user(&bob).await, user(&carl).await), (Value::Null, "bob".into(), Value::Null));
+        let user = async |head: &str| {
+            house.ask("GET", "/api/v1/session", head, "").await.2["user"].clone()
+        };
+        assert_eq!(
+            (user(&anna).await, user(&bob).await, user(&carl).await),
+            (Value::Null, "bob".into(), Value::Null)
+        );
         house.control.change(Front::read(&settings(&[])).unwrap());
         assert_eq!(house.ask("POST", "/api/v1/stop", &bob, "{}").await.0, 403);
     });
@@ -403,15 +659,30 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
         let house = house_of(&[]);
         let mut idle = house.open("/healthz").await;
         let mut listening = house.open("/api/v1/events").await;
-        let of = |network: &str| HttpSettings { allow: Some(vec![network.parse().unwrap()]), ..settings(&[]) };
-        house.control.change(Front::read(&of("127.0.0.0/8")).unwrap());
-        assert_eq!(house.ask("GET", "/healthz", "", "").await.0, 200, "the list is in force");
+        let of = |network: &str| HttpSettings {
+            allow: Some(vec![network.parse().unwrap()]),
+            ..settings(&[])
+        };
+        house
+            .control
+            .change(Front::read(&of("127.0.0.0/8")).unwrap());
+        assert_eq!(
+            house.ask("GET", "/healthz", "", "").await.0,
+            200,
+            "the list is in force"
+        );
         again(&mut idle, "/healthz").await;
-        house.control.change(Front::read(&of("10.0.0.0/8")).unwrap());
+        house
+            .control
+            .change(Front::read(&of("10.0.0.0/8")).unwrap());
         ends(&mut idle).await;
         ends(&mut listening).await;
         let mut refused = TcpStream::connect(house.address).await.unwrap();
-        assert_eq!(refused.read(&mut [0; 1]).await.unwrap_or(0), 0, "new ones are closed");
+        assert_eq!(
+            refused.read(&mut [0; 1]).await.unwrap_or(0),
+            0,
+            "new ones are closed"
+        );
     });
 }
 
@@ -420,13 +691,22 @@ fn a_new_list_of_networks_ends_the_connections_that_it_would_not_let_in() {
 fn no_connection_stays_in_plain_view_once_there_is_a_certificate() {
     let place = Dir::new();
     let own = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
-    let tls = HttpTls { cert_file: place.join("gateway.pem"), key_file: place.join("gateway.key") };
+    let tls = HttpTls {
+        cert_file: place.join("gateway.pem"),
+        key_file: place.join("gateway.key"),
+    };
     std::fs::write(&tls.cert_file, own.cert.pem()).unwrap();
     std::fs::write(&tls.key_file, own.signing_key.serialize_pem()).unwrap();
     on_a_runtime(async {
         let house = house_of(&["anna"]);
         let mut idle = house.open("/healthz").await;
-        house.control.change(Front::read(&HttpSettings { tls: Some(tls), ..settings(&["anna"]) }).unwrap());
+        house.control.change(
+            Front::read(&HttpSettings {
+                tls: Some(tls),
+                ..settings(&["anna"])
+            })
+            .unwrap(),
+        );
         ends(&mut idle).await;
     });
 }
@@ -445,9 +725,15 @@ fn connections_end_with_their_listener() {
 
 /// Requests one more document.
 async fn again(stream: &mut TcpStream, path: &str) {
-    stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).await.unwrap();
+    stream
+        .write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes())
+        .await
+        .unwrap();
     let mut answer = String::new();
-    while !answer.split_once("\r\n\r\n").is_some_and(|(_, body)| body.ends_with('\n')) {
+    while !answer
+        .split_once("\r\n\r\n")
+        .is_some_and(|(_, body)| body.ends_with('\n'))
+    {
         let mut bytes = [0; 4096];
         let length = stream.read(&mut bytes).await.unwrap();
         assert_ne!(length, 0, "{answer}");
@@ -462,7 +748,9 @@ async fn ends(stream: &mut TcpStream) {
         let mut rest = [0; 4096];
         while stream.read(&mut rest).await.is_ok_and(|length| length > 0) {}
     };
-    tokio::time::timeout(Duration::from_secs(5), end).await.expect("the connection goes on");
+    tokio::time::timeout(Duration::from_secs(5), end)
+        .await
+        .expect("the connection goes on");
 }
 
 #[test]
@@ -480,8 +768,14 @@ fn names_that_are_not_ours_are_misdirected() {
             stream.write_all(request.as_bytes()).await.unwrap();
             let mut text = String::new();
             stream.read_to_string(&mut text).await.unwrap();
-            assert!(text.starts_with(&format!("HTTP/1.1 {status} ")), "{host}: {text}");
-            assert!(text.contains("content-security-policy: default-src 'self';"), "{text}");
+            assert!(
+                text.starts_with(&format!("HTTP/1.1 {status} ")),
+                "{host}: {text}"
+            );
+            assert!(
+                text.contains("content-security-policy: default-src 'self';"),
+                "{text}"
+            );
         }
     });
 }
@@ -497,7 +791,18 @@ fn pages_of_other_sites_get_no_answer_that_lasts() {
         }
         let head = "Sec-Fetch-Site: cross-site\r\nSec-Fetch-Mode: no-cors\r\n";
         assert_eq!(house.ask("GET", "/api/v1/events", head, "").await.0, 403);
-        assert_eq!(house.ask("GET", "/api/v1/state", "Sec-Fetch-Site: same-origin\r\n", "").await.0, 200);
+        assert_eq!(
+            house
+                .ask(
+                    "GET",
+                    "/api/v1/state",
+                    "Sec-Fetch-Site: same-origin\r\n",
+                    ""
+                )
+                .await
+                .0,
+            200
+        );
     });
 }
 
@@ -515,7 +820,9 @@ fn a_full_house_has_room_for_one_more() {
         let (status, ..) = house.ask("POST", "/api/v1/stop", &head, "{}").await;
         assert_eq!(status, 200);
         let mut first = held.swap_remove(0);
-        let closed = tokio::time::timeout(Duration::from_secs(5), first.read(&mut [0; 1])).await.unwrap();
+        let closed = tokio::time::timeout(Duration::from_secs(5), first.read(&mut [0; 1]))
+            .await
+            .unwrap();
         assert_eq!(closed.unwrap_or(0), 0, "the one that came first gave way");
         assert_eq!(house.ask_on(last, "GET", "/healthz", "", "").await.0, 200);
     });
@@ -527,13 +834,23 @@ fn files_that_cannot_be_used_are_all_reported() {
     wrong.users[0].hash = HashSource::File("/nonexistent/anna.hash".into());
     let cert_file = "/nonexistent/cert.pem".into();
     let key_file = "/nonexistent/key.pem".into();
-    wrong.tls = Some(HttpTls { cert_file, key_file });
+    wrong.tls = Some(HttpTls {
+        cert_file,
+        key_file,
+    });
     let told = Front::read(&wrong).unwrap_err();
-    for part in ["/nonexistent/anna.hash: ", "/nonexistent/cert.pem: ", "/nonexistent/key.pem: "] {
+    for part in [
+        "/nonexistent/anna.hash: ",
+        "/nonexistent/cert.pem: ",
+        "/nonexistent/key.pem: ",
+    ] {
         assert!(told.contains(part), "{told}");
     }
     wrong.users[0].hash = HashSource::File(file!().into());
     wrong.tls = None;
     let told = Front::read(&wrong).unwrap_err();
-    assert!(told.ends_with("right is what `vfd-gateway password` prints"), "{told}");
+    assert!(
+        told.ends_with("right is what `vfd-gateway password` prints"),
+        "{told}"
+    );
 }

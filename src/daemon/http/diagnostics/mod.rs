@@ -66,7 +66,11 @@ pub(super) struct Diagnostics {
 impl Diagnostics {
     /// Archives of `documents`.
     pub fn new(documents: Documents) -> Self {
-        Self { state: Arc::clone(&documents.state), documents: router(documents), place: Semaphore::new(1) }
+        Self {
+            state: Arc::clone(&documents.state),
+            documents: router(documents),
+            place: Semaphore::new(1),
+        }
     }
 
     /// The permission to make an archive; `None` while another one is made.
@@ -77,7 +81,11 @@ impl Diagnostics {
     /// The name of an archive that is made now.
     fn name(&self) -> String {
         let at = rfc3339(clock::wall());
-        let digits: String = at.chars().take_while(|c| *c != '.').filter(|c| *c != ':' && *c != '-').collect();
+        let digits: String = at
+            .chars()
+            .take_while(|c| *c != '.')
+            .filter(|c| *c != ':' && *c != '-')
+            .collect();
         format!("vfd-gateway-{}-{digits}", self.state.gateway)
     }
 
@@ -90,7 +98,11 @@ impl Diagnostics {
         }
         for line in self.line_names() {
             files.extend(
-                self.document(&format!("lines/{line}/report.json"), &format!("/api/v1/lines/{line}/report")).await,
+                self.document(
+                    &format!("lines/{line}/report.json"),
+                    &format!("/api/v1/lines/{line}/report"),
+                )
+                .await,
             );
         }
         files.push(ArchivedFile::new("log.txt", recent_log::own().text()));
@@ -100,8 +112,10 @@ impl Diagnostics {
             files.extend(about::files());
             if let Some(path) = configuration {
                 let text = user_files::text(&path, user_files::BYTES_MAX);
-                let text =
-                    text.map_or_else(|error| format!("# {}: {error}\n", path.display()), |it| without_secrets(&it));
+                let text = text.map_or_else(
+                    |error| format!("# {}: {error}\n", path.display()),
+                    |it| without_secrets(&it),
+                );
                 files.push(ArchivedFile::new("configuration.toml", text));
             }
             archive(&name, &files)
@@ -123,15 +137,22 @@ impl Diagnostics {
             recordings.iter_mut().for_each(Recording::take);
         }
         let files = recordings.into_iter().map(Recording::end);
-        files.map(|(line, file)| ArchivedFile::new(format!("lines/{line}/traffic.pcapng"), file)).collect()
+        files
+            .map(|(line, file)| ArchivedFile::new(format!("lines/{line}/traffic.pcapng"), file))
+            .collect()
     }
 
     /// What the route at `path` answers; `None` if it has nothing.
     async fn document(&self, file: &str, path: &str) -> Option<ArchivedFile> {
         let request = Request::builder().uri(path).body(Body::empty()).ok()?;
-        let answer = TowerToHyperService::new(self.documents.clone()).call(request).await.ok()?;
+        let answer = TowerToHyperService::new(self.documents.clone())
+            .call(request)
+            .await
+            .ok()?;
         let is_there = answer.status().is_success();
-        let body = to_bytes(answer.into_body(), DOCUMENT_BYTES_MAX).await.ok()?;
+        let body = to_bytes(answer.into_body(), DOCUMENT_BYTES_MAX)
+            .await
+            .ok()?;
         is_there.then(|| ArchivedFile::new(file, body))
     }
 }

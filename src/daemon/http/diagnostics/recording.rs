@@ -26,7 +26,12 @@ impl Recording {
     pub fn begin(line: &Arc<SharedLine>) -> Option<Self> {
         let listener = Listener::new(Arc::clone(line), None, clock::now)?;
         let decoder = Decoder::new(facts(line));
-        Some(Self { listener, decoder, clock: WallClock::new(), file: beginning_of(&about(line), (ARCH, OS)) })
+        Some(Self {
+            listener,
+            decoder,
+            clock: WallClock::new(),
+            file: beginning_of(&about(line), (ARCH, OS)),
+        })
     }
 
     /// Takes what was recorded since the last time.
@@ -39,9 +44,13 @@ impl Recording {
         for (_, record) in news.records {
             let at = self.clock.rfc3339(record.at());
             let frame = self.decoder.decode(&record).json(&at, &record.bytes);
-            let Some(frame) = PacketFrame::of(&frame, framing) else { continue };
+            let Some(frame) = PacketFrame::of(&frame, framing) else {
+                continue;
+            };
             if self.file.len() < BYTES_MAX {
-                self.file.extend(pcapng::packet(&frame.packet(std::mem::take(&mut news.lost))));
+                self.file.extend(pcapng::packet(
+                    &frame.packet(std::mem::take(&mut news.lost)),
+                ));
             }
         }
     }

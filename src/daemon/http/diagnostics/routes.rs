@@ -18,16 +18,23 @@ const SECONDS_USUAL: u64 = 10;
 
 /// The route of the program's own command.
 pub fn own_router(diagnostics: Arc<Diagnostics>) -> Router {
-    Router::new().route("/api/v1/diagnostics", get(own)).with_state(diagnostics)
+    Router::new()
+        .route("/api/v1/diagnostics", get(own))
+        .with_state(diagnostics)
 }
 
 async fn own(State(diagnostics): State<Arc<Diagnostics>>, RawQuery(query): RawQuery) -> Response {
-    let seconds = query.as_deref().map_or(Some(SECONDS_USUAL), |query| query.strip_prefix("seconds=")?.parse().ok());
+    let seconds = query.as_deref().map_or(Some(SECONDS_USUAL), |query| {
+        query.strip_prefix("seconds=")?.parse().ok()
+    });
     match seconds.filter(|seconds| SECONDS.contains(seconds)) {
         Some(seconds) => made(&diagnostics, seconds).await,
         None => {
             let (first, last) = SECONDS.into_inner();
-            refusal(StatusCode::BAD_REQUEST, &format!("seconds={first} to seconds={last} is expected"))
+            refusal(
+                StatusCode::BAD_REQUEST,
+                &format!("seconds={first} to seconds={last} is expected"),
+            )
         }
     }
 }
@@ -39,10 +46,16 @@ pub async fn answer(diagnostics: &Diagnostics) -> Response {
 
 async fn made(diagnostics: &Diagnostics, seconds: u64) -> Response {
     let Some(_place) = diagnostics.place() else {
-        return refusal(StatusCode::SERVICE_UNAVAILABLE, "diagnostics are being made already; try again in a moment");
+        return refusal(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "diagnostics are being made already; try again in a moment",
+        );
     };
     let name = diagnostics.name();
-    match diagnostics.archive(name.clone(), Duration::from_secs(seconds)).await {
+    match diagnostics
+        .archive(name.clone(), Duration::from_secs(seconds))
+        .await
+    {
         Ok(archive) => {
             let file = format!("attachment; filename=\"{name}.tar.gz\"");
             let headers = [

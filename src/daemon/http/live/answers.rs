@@ -17,12 +17,18 @@ pub fn wrong(status: StatusCode, what: impl Into<String>) -> Response {
 
 /// There is no journal to read.
 pub fn no_journal() -> Response {
-    wrong(StatusCode::NOT_FOUND, "there is no journal: it needs `data_dir` in [gateway]")
+    wrong(
+        StatusCode::NOT_FOUND,
+        "there is no journal: it needs `data_dir` in [gateway]",
+    )
 }
 
 /// As many clients read the journal as may at once.
 pub fn too_many_readers() -> Response {
-    wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading the journal; try again in a moment")
+    wrong(
+        StatusCode::SERVICE_UNAVAILABLE,
+        "other clients are reading the journal; try again in a moment",
+    )
 }
 
 /// The form of an answer.

@@ -10,7 +10,11 @@ pub fn event(name: &str, data: &str) -> String {
 
 /// The first events of a connection.
 pub fn first(state: &str, moment: &str) -> String {
-    format!("retry: {RETRY_MS}\n{}{}", event("state", state), alive(moment))
+    format!(
+        "retry: {RETRY_MS}\n{}{}",
+        event("state", state),
+        alive(moment)
+    )
 }
 
 /// A heartbeat with the present moment, which orders may name.

@@ -53,11 +53,18 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     let read = tokio::task::spawn_blocking(move || Reading::begin(&path, &asked, place)).await;
     match read {
         // What fits into one piece is sent with its length, like other documents.
-        Ok(Ok((reading, first))) if reading.is_over() => (headers(format), first.unwrap_or_default()).into_response(),
-        Ok(Ok((reading, first))) => {
-            (headers(format), Body::new(Pieces::Ready(Box::new(reading), first))).into_response()
+        Ok(Ok((reading, first))) if reading.is_over() => {
+            (headers(format), first.unwrap_or_default()).into_response()
         }
-        Ok(Err(error)) => wrong(StatusCode::SERVICE_UNAVAILABLE, format!("the journal cannot be read: {error}")),
+        Ok(Ok((reading, first))) => (
+            headers(format),
+            Body::new(Pieces::Ready(Box::new(reading), first)),
+        )
+            .into_response(),
+        Ok(Err(error)) => wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            format!("the journal cannot be read: {error}"),
+        ),
         Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
@@ -65,9 +72,14 @@ pub async fn rows(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
 fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
     let query = Query::read(query, &KEYS)?;
     let table = query.get("table").unwrap_or("all");
-    let tables = search::tables(table)
-        .ok_or_else(|| format!("unknown `table={table}`; expected trips, audit, availability or all"))?;
-    let since = query.get("since").map(Since::parse).transpose().map_err(|what| format!("`since`: {what}"))?;
+    let tables = search::tables(table).ok_or_else(|| {
+        format!("unknown `table={table}`; expected trips, audit, availability or all")
+    })?;
+    let since = query
+        .get("since")
+        .map(Since::parse)
+        .transpose()
+        .map_err(|what| format!("`since`: {what}"))?;
     let last = match query.get("last").map(str::parse) {
         None => LAST_USUAL,
         Some(Ok(last)) if (1..=LAST_MAX).contains(&last) => last,
@@ -79,7 +91,11 @@ fn asked(query: Option<&str>) -> Result<JournalQuery, String> {
         drive: query.get("drive").map(str::to_owned),
         since: since.map(|since| since.moment(clock::wall())),
     };
-    Ok(JournalQuery { wanted, last, format })
+    Ok(JournalQuery {
+        wanted,
+        last,
+        format,
+    })
 }
 
 /// The rest of an answer. No transaction is open between two pieces.
@@ -99,16 +115,29 @@ struct Reading {
 
 impl Reading {
     /// Finds the rows, and reads the first piece of them.
-    fn begin(path: &Path, asked: &JournalQuery, place: OwnedSemaphorePermit) -> Result<(Self, Option<Bytes>), Error> {
+    fn begin(
+        path: &Path,
+        asked: &JournalQuery,
+        place: OwnedSemaphorePermit,
+    ) -> Result<(Self, Option<Bytes>), Error> {
         let connection = connect(path)?;
-        let SearchResult { rows, is_complete } = search::newest(&connection, &asked.wanted, asked.last)?;
+        let SearchResult { rows, is_complete } =
+            search::newest(&connection, &asked.wanted, asked.last)?;
         let (begin, end) = match asked.format {
             Format::Json => (format!("{{\"is_complete\":{is_complete},\"rows\":["), "]}"),
             Format::Csv => (listing::COLUMNS.to_owned(), ""),
         };
         let rows = rows.into_iter();
         let format = asked.format;
-        let mut reading = Self { connection, rows, format, is_first: true, begin, end, _place: place };
+        let mut reading = Self {
+            connection,
+            rows,
+            format,
+            is_first: true,
+            begin,
+            end,
+            _place: place,
+        };
         let first = reading.piece()?;
         Ok((reading, first))
     }
@@ -127,10 +156,16 @@ impl Reading {
                 break;
             };
             // The writer may have deleted it meanwhile.
-            let Some(seen) = row(&self.connection, table, number)? else { continue };
+            let Some(seen) = row(&self.connection, table, number)? else {
+                continue;
+            };
             match self.format {
                 Format::Json => {
-                    text += if std::mem::replace(&mut self.is_first, false) { "" } else { "," };
+                    text += if std::mem::replace(&mut self.is_first, false) {
+                        ""
+                    } else {
+                        ","
+                    };
                     text += &listing::in_json(table, &seen, true).to_string();
                 }
                 Format::Csv => text += &listing::in_csv(table, &seen),
@@ -159,7 +194,10 @@ impl HttpBody for Pieces {
     type Data = Bytes;
     type Error = BoxError;
 
-    fn poll_frame(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, BoxError>>> {
         loop {
             *self = match std::mem::replace(&mut *self, Self::Ended) {
                 Self::Ready(mut reading, Some(piece)) => {
@@ -188,7 +226,14 @@ impl HttpBody for Pieces {
 fn headers(format: Format) -> [(HeaderName, &'static str); 3] {
     let (kind, disposition) = match format {
         Format::Json => ("application/json", "inline"),
-        Format::Csv => ("text/csv; charset=utf-8", "attachment; filename=\"journal.csv\""),
+        Format::Csv => (
+            "text/csv; charset=utf-8",
+            "attachment; filename=\"journal.csv\"",
+        ),
     };
-    [(header::CONTENT_TYPE, kind), (header::CONTENT_DISPOSITION, disposition), (header::CACHE_CONTROL, "no-store")]
+    [
+        (header::CONTENT_TYPE, kind),
+        (header::CONTENT_DISPOSITION, disposition),
+        (header::CACHE_CONTROL, "no-store"),
+    ]
 }

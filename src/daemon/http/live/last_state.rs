@@ -34,12 +34,23 @@ struct SentDrive {
 }
 
 impl SentDrive {
-    fn now(source: &Source<'_>, line: &SharedLine, drive: &SharedDrive, view: Arc<DriveView>) -> Self {
+    fn now(
+        source: &Source<'_>,
+        line: &SharedLine,
+        drive: &SharedDrive,
+        view: Arc<DriveView>,
+    ) -> Self {
         let role = drive.role.get();
         let changes_at = shown(line, drive, &view).changes_at(source.present.now);
         let advice = source.drive_advice(line, drive, &view);
         let document = source.drive(line, drive, &view);
-        Self { view, role, changes_at, advice, document }
+        Self {
+            view,
+            role,
+            changes_at,
+            advice,
+            document,
+        }
     }
 }
 
@@ -55,9 +66,15 @@ struct DriveNews {
 impl LastState {
     /// The state as of now, which is being sent.
     pub fn now(source: &Source<'_>) -> Self {
-        let drives = source.drives().map(|(line, drive, view)| SentDrive::now(source, line, drive, view));
-        let mut told =
-            Self { gateway: source.gateway(), lines: lines(source), drives: drives.collect(), advice: Vec::new() };
+        let drives = source
+            .drives()
+            .map(|(line, drive, view)| SentDrive::now(source, line, drive, view));
+        let mut told = Self {
+            gateway: source.gateway(),
+            lines: lines(source),
+            drives: drives.collect(),
+            advice: Vec::new(),
+        };
         told.advice = told.all_advice(source);
         told
     }
@@ -72,8 +89,12 @@ impl LastState {
             self.gateway = gateway;
         }
         let new = lines(source);
-        let changed: Vec<_> =
-            new.iter().zip(&self.lines).filter(|(new, old)| new != old).map(|(new, _)| new.clone()).collect();
+        let changed: Vec<_> = new
+            .iter()
+            .zip(&self.lines)
+            .filter(|(new, old)| new != old)
+            .map(|(new, _)| new.clone())
+            .collect();
         if !changed.is_empty() {
             update.insert("lines".to_owned(), changed.into());
             self.lines = new;
@@ -111,19 +132,32 @@ impl LastState {
             let now = SentDrive::now(source, line, drive, view);
             news.changed.extend(changes(&told.document, &now.document));
             let name = drive.description.name.as_str().to_owned();
-            news.oldest_ms.insert(name, now.document["oldest_ms"].clone());
+            news.oldest_ms
+                .insert(name, now.document["oldest_ms"].clone());
             *told = now;
         }
         news
     }
 
     fn all_advice(&self, source: &Source<'_>) -> Vec<Finding> {
-        let lines = source.shared.lines.iter().flat_map(|line| source.line(line, |line| line.advice()));
-        let drives = self.drives.iter().flat_map(|told| told.advice.iter().cloned());
+        let lines = source
+            .shared
+            .lines
+            .iter()
+            .flat_map(|line| source.line(line, |line| line.advice()));
+        let drives = self
+            .drives
+            .iter()
+            .flat_map(|told| told.advice.iter().cloned());
         ranked(self.gateway.advice().into_iter().chain(lines).chain(drives))
     }
 }
 
 fn lines(source: &Source<'_>) -> Vec<Value> {
-    source.shared.lines.iter().map(|line| source.line(line, |line| line.document())).collect()
+    source
+        .shared
+        .lines
+        .iter()
+        .map(|line| source.line(line, |line| line.document()))
+        .collect()
 }

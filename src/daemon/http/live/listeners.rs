@@ -41,8 +41,15 @@ impl Listeners {
         let (sender, texts) = mpsc::channel(WAITING_MAX);
         let stay = Arc::new(stay);
         self.forget_gone();
-        self.0.push(Ear { texts: sender, stay: Arc::downgrade(&stay) });
-        Listener { first, texts, _stay: stay }
+        self.0.push(Ear {
+            texts: sender,
+            stay: Arc::downgrade(&stay),
+        });
+        Listener {
+            first,
+            texts,
+            _stay: stay,
+        }
     }
 
     /// Forgets listeners that have left.
@@ -88,6 +95,8 @@ impl HttpBody for Listener {
         if let Some(first) = self.first.next() {
             return Poll::Ready(Some(Ok(Frame::data(first))));
         }
-        self.texts.poll_recv(context).map(|text| text.map(|text| Ok(Frame::data(text))))
+        self.texts
+            .poll_recv(context)
+            .map(|text| text.map(|text| Ok(Frame::data(text))))
     }
 }

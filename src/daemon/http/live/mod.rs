@@ -72,7 +72,10 @@ impl Live {
     /// Starts without listeners or measurements.
     #[must_use]
     pub fn new(state: Arc<State>) -> Self {
-        let started = Moment { mono: state.started, wall: state.started_at };
+        let started = Moment {
+            mono: state.started,
+            wall: state.started_at,
+        };
         let kept = LiveState {
             clock: Clock::new(started),
             shared: None,
@@ -118,19 +121,33 @@ impl LiveState {
         let now = at.mono;
         self.clock.see(at);
         let is_new = self.follow(&live.state);
-        let Some(shared) = self.shared.clone() else { return };
+        let Some(shared) = self.shared.clone() else {
+            return;
+        };
         if self.trends.is_due(now) {
-            let views: Vec<_> = shared.drives.iter().map(|drive| drive.view.load_full()).collect();
+            let views: Vec<_> = shared
+                .drives
+                .iter()
+                .map(|drive| drive.view.load_full())
+                .collect();
             let drives = || {
                 let both = shared.drives.iter().zip(&views);
-                both.map(|(drive, view)| Drive { description: &drive.description, view, station: None, standby: None })
+                both.map(|(drive, view)| Drive {
+                    description: &drive.description,
+                    view,
+                    station: None,
+                    standby: None,
+                })
             };
             self.trends.note(now, drives());
             if let Some(kept) = &live.state.trends {
                 kept.keep(self.collector.note(at.wall, now, drives()));
             }
             for line in &shared.lines {
-                self.uses.entry(line.number).or_default().note(now, &line.report().counters);
+                self.uses
+                    .entry(line.number)
+                    .or_default()
+                    .note(now, &line.report().counters);
             }
         }
         self.listeners.forget_gone();
@@ -142,35 +159,58 @@ impl LiveState {
             state: &live.state,
             shared: &shared,
             uses: &self.uses,
-            present: Present { now, clock: &self.clock },
+            present: Present {
+                now,
+                clock: &self.clock,
+            },
         };
         let news = match &mut self.last {
             Some(last) if !is_new => last.news(&source),
             last => {
-                let events = if is_new { events::event("configuration", "{}") } else { String::new() };
+                let events = if is_new {
+                    events::event("configuration", "{}")
+                } else {
+                    String::new()
+                };
                 *last = Some(LastState::now(&source));
                 events + &events::event("state", &source.document().to_string())
             }
         };
-        self.listeners.tell(news + &events::alive(&live.moments.at(now)));
+        self.listeners
+            .tell(news + &events::alive(&live.moments.at(now)));
     }
 
     /// Follows a change of the configuration. Returns whether there was one since the last call.
     fn follow(&mut self, state: &State) -> bool {
         let shared = state.shared.get();
-        if self.shared.as_ref().is_some_and(|known| Arc::ptr_eq(known, &shared)) {
+        if self
+            .shared
+            .as_ref()
+            .is_some_and(|known| Arc::ptr_eq(known, &shared))
+        {
             return false;
         }
-        self.trends.change_to(shared.drives.iter().map(|drive| &drive.description));
-        self.collector.change_to(shared.drives.iter().map(|drive| &drive.description));
-        self.uses.retain(|number, _| shared.lines.iter().any(|line| line.number == *number));
+        self.trends
+            .change_to(shared.drives.iter().map(|drive| &drive.description));
+        self.collector
+            .change_to(shared.drives.iter().map(|drive| &drive.description));
+        self.uses
+            .retain(|number, _| shared.lines.iter().any(|line| line.number == *number));
         self.shared.replace(shared).is_some()
     }
 
     /// Applies `made` to the present state of everything.
     fn source<T>(&self, live: &Live, made: impl FnOnce(&Source<'_>) -> T) -> T {
-        let present = Present { now: clock::now(), clock: &self.clock };
-        made(&Source { state: &live.state, shared: &live.state.shared.get(), uses: &self.uses, present })
+        let present = Present {
+            now: clock::now(),
+            clock: &self.clock,
+        };
+        made(&Source {
+            state: &live.state,
+            shared: &live.state.shared.get(),
+            uses: &self.uses,
+            present,
+        })
     }
 
     /// A new listener, with the state as its first event; `None` if too many large answers are unread.
@@ -189,7 +229,10 @@ impl LiveState {
 
     /// The trend of the drive called `name`; `None` before its first sample.
     fn trend(&self, name: &str) -> Option<Value> {
-        let end = self.trends.newest_at().map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
+        let end = self
+            .trends
+            .newest_at()
+            .map_or(0, |at| self.clock.wall(at).unix_ms.div_euclid(1000));
         self.trends.document(name, end)
     }
 }

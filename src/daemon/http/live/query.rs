@@ -22,9 +22,15 @@ impl Query {
         let mut values = BTreeMap::new();
         for (key, value) in form_urlencoded::parse(query.as_bytes()) {
             if !known.contains(&key.as_ref()) {
-                return Err(format!("unknown key `{key}`; expected {}", known.join(" or ")));
+                return Err(format!(
+                    "unknown key `{key}`; expected {}",
+                    known.join(" or ")
+                ));
             }
-            if values.insert(key.clone().into_owned(), value.into_owned()).is_some() {
+            if values
+                .insert(key.clone().into_owned(), value.into_owned())
+                .is_some()
+            {
                 return Err(format!("`{key}` is given twice"));
             }
         }
@@ -33,7 +39,10 @@ impl Query {
 
     /// The value of `key`; `None` if it is missing or empty.
     pub fn get(&self, key: &str) -> Option<&str> {
-        self.0.get(key).map(String::as_str).filter(|value| !value.is_empty())
+        self.0
+            .get(key)
+            .map(String::as_str)
+            .filter(|value| !value.is_empty())
     }
 }
 
@@ -45,11 +54,21 @@ mod tests {
     fn known_keys_are_read_and_others_named() {
         let known = ["drive", "since"];
         let query = Query::read(Some("since=2026-01-31T08%3A00&drive="), &known).unwrap();
-        assert_eq!((query.get("since"), query.get("drive")), (Some("2026-01-31T08:00"), None));
+        assert_eq!(
+            (query.get("since"), query.get("drive")),
+            (Some("2026-01-31T08:00"), None)
+        );
         assert!(Query::read(None, &known).unwrap().get("drive").is_none());
         let wrong = Query::read(Some("drives=a"), &known).unwrap_err();
         assert_eq!(wrong, "unknown key `drives`; expected drive or since");
-        assert_eq!(Query::read(Some("drive=a&drive=b"), &known).unwrap_err(), "`drive` is given twice");
-        assert!(Query::read(Some(&"x".repeat(1025)), &known).unwrap_err().contains("longer"));
+        assert_eq!(
+            Query::read(Some("drive=a&drive=b"), &known).unwrap_err(),
+            "`drive` is given twice"
+        );
+        assert!(
+            Query::read(Some(&"x".repeat(1025)), &known)
+                .unwrap_err()
+                .contains("longer")
+        );
     }
 }

@@ -36,13 +36,18 @@ async fn everything(State(live): State<Arc<Live>>) -> Response {
 }
 
 async fn advice(State(live): State<Arc<Live>>) -> Response {
-    let advice = live.lock().source(&live, |source| super::source::documents(&source.advice()));
+    let advice = live
+        .lock()
+        .source(&live, |source| super::source::documents(&source.advice()));
     fresh(&json!({ "advice": advice }))
 }
 
 async fn events(State(live): State<Arc<Live>>, Extension(lasting): Extension<Lasting>) -> Response {
     let Some(stay) = lasting.stay() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "too many event streams are open; close other windows");
+        return wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too many event streams are open; close other windows",
+        );
     };
     let Some(listener) = live.lock().listen(&live, stay) else {
         return wrong(

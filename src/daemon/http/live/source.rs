@@ -25,7 +25,11 @@ impl Source<'_> {
     /// All of it as one document.
     pub fn document(&self) -> Value {
         let gateway = self.gateway();
-        let lines = self.shared.lines.iter().map(|line| self.line(line, |line| line.document()));
+        let lines = self
+            .shared
+            .lines
+            .iter()
+            .map(|line| self.line(line, |line| line.document()));
         json!({
             "at": self.present.text(),
             "gateway": gateway.document(self.uptime_s()),
@@ -38,7 +42,11 @@ impl Source<'_> {
     /// All drives in order, each with its line and its newest view.
     pub fn drives(&self) -> impl Iterator<Item = (&SharedLine, &Arc<SharedDrive>, Arc<DriveView>)> {
         let lines = self.shared.lines.iter();
-        lines.flat_map(|line| line.drives.iter().map(move |drive| (line.as_ref(), drive, drive.view.load_full())))
+        lines.flat_map(|line| {
+            line.drives
+                .iter()
+                .map(move |drive| (line.as_ref(), drive, drive.view.load_full()))
+        })
     }
 
     /// The document of `drive`, on `line`, with this view.
@@ -75,21 +83,30 @@ impl Source<'_> {
     }
 
     /// The findings for `drive` with this view.
-    pub fn drive_advice(&self, line: &SharedLine, drive: &SharedDrive, view: &DriveView) -> Vec<Finding> {
+    pub fn drive_advice(
+        &self,
+        line: &SharedLine,
+        drive: &SharedDrive,
+        view: &DriveView,
+    ) -> Vec<Finding> {
         shown(line, drive, view).advice(line.interface, self.present.now)
     }
 
     /// The gateway as a whole.
     pub fn gateway(&self) -> Gateway {
         let state = self.state;
-        let journal = state.journal.as_ref().map(|journal| journal.report()).map(|report| JournalState {
-            state: report.state.word(),
-            is_ok: report.state == Keeps::Ok,
-            reason: report.reason,
-            moved_aside: report.moved_aside,
-            replaced: report.replaced,
-            lost: report.lost,
-        });
+        let journal = state
+            .journal
+            .as_ref()
+            .map(|journal| journal.report())
+            .map(|report| JournalState {
+                state: report.state.word(),
+                is_ok: report.state == Keeps::Ok,
+                reason: report.reason,
+                moved_aside: report.moved_aside,
+                replaced: report.replaced,
+                lost: report.lost,
+            });
         Gateway {
             name: state.gateway.clone(),
             started_at: rfc3339(state.started_at),
@@ -115,8 +132,17 @@ impl Source<'_> {
 
 /// `drive`, on `line`, with this view.
 pub fn shown<'d>(line: &SharedLine, drive: &'d SharedDrive, view: &'d DriveView) -> Drive<'d> {
-    let station = line.wiring.stations.get(drive.description.place.drive.get()).copied();
-    Drive { description: &drive.description, view, station, standby: drive.role.get() }
+    let station = line
+        .wiring
+        .stations
+        .get(drive.description.place.drive.get())
+        .copied();
+    Drive {
+        description: &drive.description,
+        view,
+        station,
+        standby: drive.role.get(),
+    }
 }
 
 /// Each as a document.

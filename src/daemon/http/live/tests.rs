@@ -28,7 +28,11 @@ async fn serve_documents(documents: Documents, patience: Patience) -> SocketAddr
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     tokio::task::spawn_local(super::run(Arc::clone(&documents.live)));
-    tokio::task::spawn_local(connections::serve(listener, routes::router(documents), patience));
+    tokio::task::spawn_local(connections::serve(
+        listener,
+        routes::router(documents),
+        patience,
+    ));
     address
 }
 
@@ -37,7 +41,11 @@ fn show(state: &State, view: DriveView) {
 }
 
 fn online(at: MonoTime, hertz: u16) -> DriveView {
-    let mut view = DriveView { line_is_up: true, run_state: RunState::Forward, ..DriveView::default() };
+    let mut view = DriveView {
+        line_is_up: true,
+        run_state: RunState::Forward,
+        ..DriveView::default()
+    };
     view.snapshot.presence = Presence::Online;
     view.snapshot.take(0x0101_u16.into(), &[hertz * 100], at);
     view
@@ -53,8 +61,14 @@ impl Listening {
     /// Connects, and returns the status as well.
     async fn connect(address: SocketAddr) -> (u16, Self) {
         let mut stream = TcpStream::connect(address).await.unwrap();
-        stream.write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: here\r\n\r\n").await.unwrap();
-        let mut it = Self { stream, text: String::new() };
+        stream
+            .write_all(b"GET /api/v1/events HTTP/1.1\r\nHost: here\r\n\r\n")
+            .await
+            .unwrap();
+        let mut it = Self {
+            stream,
+            text: String::new(),
+        };
         let head = it.up_to("\r\n\r\n").await.unwrap();
         (head.split(' ').nth(1).unwrap().parse().unwrap(), it)
     }
@@ -66,7 +80,12 @@ impl Listening {
                 return Some(self.text.drain(..at + end.len()).collect());
             }
             let mut buffer = vec![0; 64 * 1024];
-            let length = self.stream.read(&mut buffer).await.ok().filter(|length| *length > 0)?;
+            let length = self
+                .stream
+                .read(&mut buffer)
+                .await
+                .ok()
+                .filter(|length| *length > 0)?;
             self.text += std::str::from_utf8(&buffer[..length]).unwrap();
         }
     }
@@ -99,18 +118,37 @@ fn the_state_comes_first_and_then_what_has_changed() {
         let (status, mut listening) = Listening::connect(address).await;
         assert_eq!(status, 200);
         let (kind, first) = listening.event().await.unwrap();
-        assert_eq!((kind.as_str(), &first["drives"][0]["output_frequency_hz"]), ("state", &json!(10.0)));
-        assert_eq!((&first["gateway"]["name"], &first["lines"][0]["state"]), (&json!("plant-a"), &json!("down")));
+        assert_eq!(
+            (kind.as_str(), &first["drives"][0]["output_frequency_hz"]),
+            ("state", &json!(10.0))
+        );
+        assert_eq!(
+            (&first["gateway"]["name"], &first["lines"][0]["state"]),
+            (&json!("plant-a"), &json!("down"))
+        );
         show(&state, online(clock::now(), 20));
         let update = listening.next("update").await;
         assert_eq!(update["drives"][0]["output_frequency_hz"], 20.0);
-        assert!(update["at"].is_string() && update.get("lines").is_none() && update.get("gateway").is_none());
-        let report = LineReport { state: LineState::Up, ..LineReport::default() };
+        assert!(
+            update["at"].is_string()
+                && update.get("lines").is_none()
+                && update.get("gateway").is_none()
+        );
+        let report = LineReport {
+            state: LineState::Up,
+            ..LineReport::default()
+        };
         state.shared.load().lines[0].set_report(report);
         let update = listening.next("update").await;
-        assert_eq!((&update["lines"][0]["state"], &update["gateway"]["ready"]), (&json!("up"), &json!(true)));
+        assert_eq!(
+            (&update["lines"][0]["state"], &update["gateway"]["ready"]),
+            (&json!("up"), &json!(true))
+        );
         assert_eq!(update["advice"], json!([]), "that it was down is over");
-        assert!(update.get("drives").is_none(), "nothing of it has changed: {update}");
+        assert!(
+            update.get("drives").is_none(),
+            "nothing of it has changed: {update}"
+        );
     });
 }
 
@@ -124,7 +162,11 @@ fn a_trip_is_reported_once_to_each_who_listens() {
         let (_, mut other) = Listening::connect(address).await;
         one.next("state").await;
         let mut tripped = online(clock::now(), 0);
-        let record = TripRecord { at: clock::now(), code: Some(7), words: Vec::new() };
+        let record = TripRecord {
+            at: clock::now(),
+            code: Some(7),
+            words: Vec::new(),
+        };
         tripped.trip.active = Some(true);
         tripped.trip.seen = 1;
         tripped.trip.last = Some(record);
@@ -150,7 +192,9 @@ fn in_silence_there_are_heartbeats() {
         assert_eq!(listening.event().await.unwrap().0, "state");
         let first = listening.next("alive").await["moment"].clone();
         let later = async { while listening.next("alive").await["moment"] == first {} };
-        tokio::time::timeout(Duration::from_secs(5), later).await.expect("another moment");
+        tokio::time::timeout(Duration::from_secs(5), later)
+            .await
+            .expect("another moment");
     });
 }
 
@@ -164,7 +208,9 @@ fn another_configuration_is_reported_with_its_state() {
         listening.next("alive").await;
         // The task must have seen the first one.
         listening.next("alive").await;
-        state.shared.set(Arc::new(Shared::of(Vec::new(), Arc::default())));
+        state
+            .shared
+            .set(Arc::new(Shared::of(Vec::new(), Arc::default())));
         listening.next("configuration").await;
         assert_eq!(listening.event().await.unwrap().1["drives"], json!([]));
     });
@@ -190,7 +236,9 @@ fn there_are_so_many_who_listen_and_others_are_still_served() {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        tokio::time::timeout(Duration::from_secs(5), again).await.expect("a place that was left is free");
+        tokio::time::timeout(Duration::from_secs(5), again)
+            .await
+            .expect("a place that was left is free");
     });
 }
 
@@ -198,13 +246,19 @@ fn there_are_so_many_who_listen_and_others_are_still_served() {
 fn who_listens_may_stay_longer_than_others() {
     on_a_runtime(async {
         let state = state(false);
-        let patience = Patience { connection: Duration::from_millis(50), ..Patience::default() };
+        let patience = Patience {
+            connection: Duration::from_millis(50),
+            ..Patience::default()
+        };
         let address = serve(&state, patience).await;
         let (_, mut listening) = Listening::connect(address).await;
         listening.next("state").await;
         tokio::time::sleep(patience.connection * 4).await;
         show(&state, online(clock::now(), 20));
-        assert_eq!(listening.next("update").await["drives"][0]["output_frequency_hz"], 20.0);
+        assert_eq!(
+            listening.next("update").await["drives"][0]["output_frequency_hz"],
+            20.0
+        );
     });
 }
 
@@ -232,7 +286,8 @@ fn who_does_not_read_is_let_go_and_the_others_go_on() {
 }
 
 async fn get(address: SocketAddr, path: &str) -> (u16, String) {
-    crate::daemon::http::tests::answer(TcpStream::connect(address).await.unwrap(), "GET", path, "").await
+    crate::daemon::http::tests::answer(TcpStream::connect(address).await.unwrap(), "GET", path, "")
+        .await
 }
 
 #[test]
@@ -249,16 +304,34 @@ fn documents_are_found_and_mistakes_are_named() {
         assert_eq!((status, &trend["values"][0]), (200, &json!([10.0])));
         let (status, advice) = of("/api/v1/advice").await;
         assert_eq!(status, 200);
-        assert!(advice["advice"][0]["text"].as_str().unwrap().contains("the broker is not reached"), "{advice}");
+        assert!(
+            advice["advice"][0]["text"]
+                .as_str()
+                .unwrap()
+                .contains("the broker is not reached"),
+            "{advice}"
+        );
         assert_eq!(of("/api/v1/state").await.1["drives"][0]["name"], "pump-1");
         for (path, status, part) in [
             ("/api/v1/trend", 400, "there are pump-1"),
             ("/api/v1/trend?drive=pump-2", 404, "there are pump-1"),
             ("/api/v1/trend?name=pump-1", 400, "expected drive"),
             ("/api/v1/trend?drive=pump-1&span=24h", 404, "`data_dir`"),
-            ("/api/v1/trend?drive=pump-1&values=output_current", 404, "`data_dir`"),
-            ("/api/v1/trend?drive=pump-1&span=1y", 400, "expected 1h, 24h, 7d, 30d"),
-            ("/api/v1/trend?drive=pump-1&format=xml", 400, "expected json, rows or csv"),
+            (
+                "/api/v1/trend?drive=pump-1&values=output_current",
+                404,
+                "`data_dir`",
+            ),
+            (
+                "/api/v1/trend?drive=pump-1&span=1y",
+                400,
+                "expected 1h, 24h, 7d, 30d",
+            ),
+            (
+                "/api/v1/trend?drive=pump-1&format=xml",
+                400,
+                "expected json, rows or csv",
+            ),
             ("/api/v1/journal", 404, "`data_dir`"),
             ("/api/v1/journal?table=trip", 400, "expected trips"),
             ("/api/v1/journal?since=yesterday", 400, "12h"),
@@ -267,7 +340,10 @@ fn documents_are_found_and_mistakes_are_named() {
         ] {
             let (found, body) = of(path).await;
             assert_eq!(found, status, "{path}");
-            assert!(body["error"].as_str().unwrap().contains(part), "{path}: {body}");
+            assert!(
+                body["error"].as_str().unwrap().contains(part),
+                "{path}: {body}"
+            );
         }
     });
 }

@@ -42,65 +42,114 @@ pub async fn trend(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> 
         Err(what) => return wrong(StatusCode::BAD_REQUEST, what),
     };
     let shared = live.state.shared.get();
-    let names = || shared.drives.iter().map(|drive| drive.description.name.as_str()).collect::<Vec<_>>().join(", ");
-    let Some(name) = query.get("drive") else {
-        return wrong(StatusCode::BAD_REQUEST, format!("`drive=NAME` is required; there are {}", names()));
+    let names = || {
+        shared
+            .drives
+            .iter()
+            .map(|drive| drive.description.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
     };
-    if shared.drives.iter().all(|drive| drive.description.name.as_str() != name) {
-        return wrong(StatusCode::NOT_FOUND, format!("there is no drive `{name}`; there are {}", names()));
+    let Some(name) = query.get("drive") else {
+        return wrong(
+            StatusCode::BAD_REQUEST,
+            format!("`drive=NAME` is required; there are {}", names()),
+        );
+    };
+    if shared
+        .drives
+        .iter()
+        .all(|drive| drive.description.name.as_str() != name)
+    {
+        return wrong(
+            StatusCode::NOT_FOUND,
+            format!("there is no drive `{name}`; there are {}", names()),
+        );
     }
     match asked(&query, name) {
         Err(what) => wrong(StatusCode::BAD_REQUEST, what),
         Ok(Some(kept)) => read(&live, kept).await,
         Ok(None) => match live.lock().trend(name) {
             Some(document) => fresh(&document),
-            None => wrong(StatusCode::SERVICE_UNAVAILABLE, "the drive was just added; try again"),
+            None => wrong(
+                StatusCode::SERVICE_UNAVAILABLE,
+                "the drive was just added; try again",
+            ),
         },
     }
 }
 
 /// What to read from the disk; `None` if the last hour from memory is wanted.
 fn asked(query: &Query, drive: &str) -> Result<Option<Kept>, String> {
-    let wanted: Names = query.get("values").map(|names| names.split(',').map(str::to_owned).collect());
+    let wanted: Names = query
+        .get("values")
+        .map(|names| names.split(',').map(str::to_owned).collect());
     let format = match query.get("format") {
         None | Some("json") => Format::Json,
         Some("rows") => Format::Rows,
         Some("csv") => Format::Csv,
-        Some(other) => return Err(format!("unknown `format={other}`; expected json, rows or csv")),
+        Some(other) => {
+            return Err(format!(
+                "unknown `format={other}`; expected json, rows or csv"
+            ));
+        }
     };
     let [minutes, ..] = LEVELS;
     let (level, rows) = match query.get("span").unwrap_or("1h") {
         "1h" if wanted.is_none() && format == Format::Json => return Ok(None),
-        "1h" => (minutes, usize::try_from(HOUR_S / minutes.step_s).unwrap_or(minutes.rows)),
-        span => {
-            LEVELS.into_iter().find(|level| level.span == span).map(|level| (level, level.rows)).ok_or_else(|| {
+        "1h" => (
+            minutes,
+            usize::try_from(HOUR_S / minutes.step_s).unwrap_or(minutes.rows),
+        ),
+        span => LEVELS
+            .into_iter()
+            .find(|level| level.span == span)
+            .map(|level| (level, level.rows))
+            .ok_or_else(|| {
                 let spans: Vec<_> = LEVELS.iter().map(|level| level.span).collect();
                 format!("unknown `span={span}`; expected 1h, {}", spans.join(", "))
-            })?
-        }
+            })?,
     };
-    Ok(Some(Kept { drive: drive.to_owned(), level, rows, wanted, format }))
+    Ok(Some(Kept {
+        drive: drive.to_owned(),
+        level,
+        rows,
+        wanted,
+        format,
+    }))
 }
 
 async fn read(live: &Live, kept: Kept) -> Response {
     let Some(trends) = &live.state.trends else {
-        let what =
-            "only the last hour is known: longer trends, other values and other formats need `data_dir` in [gateway]";
+        let what = "only the last hour is known: longer trends, other values and other formats need `data_dir` in [gateway]";
         return wrong(StatusCode::NOT_FOUND, what);
     };
     let Ok(place) = Arc::clone(&live.readers).try_acquire_owned() else {
-        return wrong(StatusCode::SERVICE_UNAVAILABLE, "other clients are reading trends or the journal; try again");
+        return wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "other clients are reading trends or the journal; try again",
+        );
     };
     let file = trends.file().to_owned();
     let until_s = clock::wall().unix_ms.div_euclid(1000);
     let read = tokio::task::spawn_blocking(move || {
         let _place = place;
-        let Kept { drive, level, rows, wanted, format } = kept;
-        trends::history(&file, &drive, level, rows, until_s, wanted).map(|history| answer(&history, &drive, format))
+        let Kept {
+            drive,
+            level,
+            rows,
+            wanted,
+            format,
+        } = kept;
+        trends::history(&file, &drive, level, rows, until_s, wanted)
+            .map(|history| answer(&history, &drive, format))
     });
     match read.await {
         Ok(Ok(response)) => response,
-        Ok(Err(error)) => wrong(StatusCode::SERVICE_UNAVAILABLE, format!("the trends cannot be read: {error}")),
+        Ok(Err(error)) => wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            format!("the trends cannot be read: {error}"),
+        ),
         Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }

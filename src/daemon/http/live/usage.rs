@@ -30,11 +30,19 @@ pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
     match read {
         Ok(Ok(rows)) if format == Format::Csv => {
             let lines: String = rows.iter().map(DayRow::in_csv).collect();
-            let kind = [(header::CONTENT_TYPE, "text/csv; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
+            let kind = [
+                (header::CONTENT_TYPE, "text/csv; charset=utf-8"),
+                (header::CACHE_CONTROL, "no-store"),
+            ];
             (kind, COLUMNS.to_owned() + &lines).into_response()
         }
-        Ok(Ok(rows)) => fresh(&json!({ "days": rows.iter().map(DayRow::in_json).collect::<Vec<Value>>() })),
-        Ok(Err(error)) => wrong(StatusCode::SERVICE_UNAVAILABLE, format!("the journal cannot be read: {error}")),
+        Ok(Ok(rows)) => {
+            fresh(&json!({ "days": rows.iter().map(DayRow::in_json).collect::<Vec<Value>>() }))
+        }
+        Ok(Err(error)) => wrong(
+            StatusCode::SERVICE_UNAVAILABLE,
+            format!("the journal cannot be read: {error}"),
+        ),
         Err(error) => wrong(StatusCode::INTERNAL_SERVER_ERROR, error.to_string()),
     }
 }
@@ -42,7 +50,9 @@ pub async fn days(State(live): State<Arc<Live>>, RawQuery(query): RawQuery) -> R
 /// The drive, and the form of the answer.
 fn asked(query: Option<&str>) -> Result<(String, Format), String> {
     let query = Query::read(query, &["drive", "format"])?;
-    let drive = query.get("drive").ok_or_else(|| "`drive=NAME` is missing".to_owned())?;
+    let drive = query
+        .get("drive")
+        .ok_or_else(|| "`drive=NAME` is missing".to_owned())?;
     Ok((drive.to_owned(), Format::named(query.get("format"))?))
 }
 

@@ -58,20 +58,37 @@ struct Served {
 }
 
 impl Served {
-    fn new(name: impl Into<Cow<'static, str>>, media_type: &'static str, bytes: impl Into<Cow<'static, [u8]>>) -> Self {
+    fn new(
+        name: impl Into<Cow<'static, str>>,
+        media_type: &'static str,
+        bytes: impl Into<Cow<'static, [u8]>>,
+    ) -> Self {
         let bytes = bytes.into();
         let tag = format!("\"{:016x}\"", Crc::<u64>::new(&CRC_64_XZ).checksum(&bytes));
-        Self { name: name.into(), media_type, bytes, tag }
+        Self {
+            name: name.into(),
+            media_type,
+            bytes,
+            tag,
+        }
     }
 }
 
 /// The files, and each chapter of each language, such as `setup.de.json`.
 static SERVED: LazyLock<Vec<Served>> = LazyLock::new(|| {
-    let files = FILES.iter().copied().flatten().map(|file| Served::new(file.name, file.media_type, lean(file)));
+    let files = FILES
+        .iter()
+        .copied()
+        .flatten()
+        .map(|file| Served::new(file.name, file.media_type, lean(file)));
     let chapters = CATALOGUES.into_iter().flat_map(|catalogue| {
         Chapter::ALL.map(|chapter| {
             let name = format!("{}.{}.json", chapter.word(), catalogue.language);
-            Served::new(name, "application/json", catalogue.chapter(chapter).into_bytes())
+            Served::new(
+                name,
+                "application/json",
+                catalogue.chapter(chapter).into_bytes(),
+            )
         })
     });
     files.chain(chapters).collect()
@@ -104,20 +121,47 @@ pub(super) fn router<S: Clone + Send + Sync + 'static>() -> Router<S> {
     let index = async |headers: HeaderMap| answer(INDEX, &headers);
     let asset = async |Path(name): Path<String>, headers: HeaderMap| answer(&name, &headers);
     let worker = async |headers: HeaderMap| answer(OFFLINE_WORKER, &headers);
-    let open = async || (StatusCode::SEE_OTHER, [(header::LOCATION, "../"), (header::CACHE_CONTROL, "no-store")]);
-    let router = Router::new().route("/", get(index)).route("/assets/{name}", get(asset));
-    router.route("/open/", get(open)).route("/offline.js", get(worker))
+    let open = async || {
+        (
+            StatusCode::SEE_OTHER,
+            [
+                (header::LOCATION, "../"),
+                (header::CACHE_CONTROL, "no-store"),
+            ],
+        )
+    };
+    let router = Router::new()
+        .route("/", get(index))
+        .route("/assets/{name}", get(asset));
+    router
+        .route("/open/", get(open))
+        .route("/offline.js", get(worker))
 }
 
 fn answer(name: &str, asked: &HeaderMap) -> Response {
-    let Some(Served { media_type, bytes, tag, .. }) = SERVED.iter().find(|served| served.name == name) else {
+    let Some(Served {
+        media_type,
+        bytes,
+        tag,
+        ..
+    }) = SERVED.iter().find(|served| served.name == name)
+    else {
         return StatusCode::NOT_FOUND.into_response();
     };
-    let headers =
-        [(header::CONTENT_TYPE, *media_type), (header::ETAG, tag.as_str()), (header::CACHE_CONTROL, "no-cache")];
-    let known = asked.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let headers = [
+        (header::CONTENT_TYPE, *media_type),
+        (header::ETAG, tag.as_str()),
+        (header::CACHE_CONTROL, "no-cache"),
+    ];
+    let known = asked
+        .get(header::IF_NONE_MATCH)
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default();
     // A proxy that compresses the file marks the tag as weak.
-    if known.split(',').any(|one| one.trim().trim_start_matches("W/") == tag) {
+    if known
+        .split(',')
+        .any(|one| one.trim().trim_start_matches("W/") == tag)
+    {
         return (StatusCode::NOT_MODIFIED, headers).into_response();
     }
     (headers, &**bytes).into_response()

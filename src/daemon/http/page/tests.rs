@@ -28,21 +28,37 @@ fn text(file: &File) -> &'static str {
 #[test]
 fn every_file_is_served_and_all_are_small() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("src/daemon/http/page/files");
-    let there = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let there = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let served: BTreeSet<_> = files().map(|file| file.name.to_owned()).collect();
     assert_eq!(there.collect::<BTreeSet<_>>(), served);
-    let empty: Vec<_> = files().filter(|file| file.bytes.is_empty()).map(|file| file.name).collect();
+    let empty: Vec<_> = files()
+        .filter(|file| file.bytes.is_empty())
+        .map(|file| file.name)
+        .collect();
     assert!(empty.is_empty(), "{empty:?}");
-    let lazy = quoted_behind(text(files().find(|file| file.name == "app.js").unwrap()), "lazy(\"./");
+    let lazy = quoted_behind(
+        text(files().find(|file| file.name == "app.js").unwrap()),
+        "lazy(\"./",
+    );
     assert_eq!(lazy, ["traffic.js", "report.js", "setup.js"]);
     for Catalogue { language, .. } in CATALOGUES {
         let is_of_language = |name: &str| name.ends_with(&format!(".{language}.json"));
         // Panels that few use are fetched when they are opened; a page in English needs no sentences of the gateway.
         let is_fetched = |name: &str| {
-            let is_other = name.ends_with(".json") && (!is_of_language(name) || name == "gateway.en.json");
-            !name.starts_with("setup") && !lazy.contains(&name) && !name.ends_with(".txt") && !is_other
+            let is_other =
+                name.ends_with(".json") && (!is_of_language(name) || name == "gateway.en.json");
+            !name.starts_with("setup")
+                && !lazy.contains(&name)
+                && !name.ends_with(".txt")
+                && !is_other
         };
-        let bytes: usize = SERVED.iter().filter(|it| is_fetched(&it.name)).map(|it| it.bytes.len()).sum();
+        let bytes: usize = SERVED
+            .iter()
+            .filter(|it| is_fetched(&it.name))
+            .map(|it| it.bytes.len())
+            .sum();
         assert!(bytes < BYTES_MAX, "{language}: {bytes}");
         println!("the page in {language}: {bytes} bytes");
     }
@@ -52,27 +68,53 @@ fn every_file_is_served_and_all_are_small() {
 fn a_file_is_served_without_indents_and_comments_and_is_the_same_otherwise() {
     let bytes: &[u8] =
         b"// One.\n\n/** Two,\n * and three. */\nconst a = 1; // Four.\n/* Five. */\n  if (a) {\n    b();\n  }\n";
-    let file = |name| File { name, media_type: "", bytes };
-    assert_eq!(&*lean(&file("a.js")), b"const a = 1; // Four.\nif (a) {\nb();\n}\n");
+    let file = |name| File {
+        name,
+        media_type: "",
+        bytes,
+    };
+    assert_eq!(
+        &*lean(&file("a.js")),
+        b"const a = 1; // Four.\nif (a) {\nb();\n}\n"
+    );
     assert_eq!(&*lean(&file("uplot.js")), bytes);
     for file in files().filter(|file| !is_vendored(file) && file.name.ends_with(".js")) {
         let is_text_open = |line: &&str| line.replace("\"`\"", "").matches('`').count() % 2 == 1;
-        let is_open = |line: &&str| is_text_open(line) || (line.contains("*/") && !line.ends_with("*/"));
+        let is_open =
+            |line: &&str| is_text_open(line) || (line.contains("*/") && !line.ends_with("*/"));
         let found: Vec<_> = text(file).lines().filter(is_open).collect();
-        assert!(found.is_empty(), "{}: a text or a comment over several lines: {found:?}", file.name);
+        assert!(
+            found.is_empty(),
+            "{}: a text or a comment over several lines: {found:?}",
+            file.name
+        );
     }
 }
 
 /// The quoted texts after `mark`.
 fn quoted_behind<'t>(text: &'t str, mark: &str) -> Vec<&'t str> {
-    text.split(mark).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+    text.split(mark)
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect()
 }
 
 #[test]
 fn parts_that_are_not_there_are_left_out_in_one_place() {
-    for file in files().filter(|file| !is_vendored(file) && file.name.ends_with(".js") && file.name != "dom.js") {
-        for way in [".append(", ".replaceChildren(", ".insertAdjacent", "innerHTML"] {
-            assert!(!text(file).contains(way), "{}: {way} shows `null` and `false`; use `add` or `fill`", file.name);
+    for file in files()
+        .filter(|file| !is_vendored(file) && file.name.ends_with(".js") && file.name != "dom.js")
+    {
+        for way in [
+            ".append(",
+            ".replaceChildren(",
+            ".insertAdjacent",
+            "innerHTML",
+        ] {
+            assert!(
+                !text(file).contains(way),
+                "{}: {way} shows `null` and `false`; use `add` or `fill`",
+                file.name
+            );
         }
     }
 }
@@ -89,29 +131,60 @@ fn whatever_a_file_asks_for_is_there() {
             assert!(served.contains(name), "{}: {name}", file.name);
         }
     }
-    assert!(asked > served.len(), "the marks are still the right ones: {asked}");
+    assert!(
+        asked > served.len(),
+        "the marks are still the right ones: {asked}"
+    );
 }
 
 #[test]
 fn nothing_is_inline_nothing_comes_from_elsewhere_and_text_is_only_text() {
     for file in files().filter(|file| !is_vendored(file)) {
         let text = text(file);
-        let forbidden = ["<style", "style=", " onclick", "javascript:", "innerHTML", "outerHTML", "insertAdjacentHTML"];
-        for forbidden in forbidden.into_iter().chain(["document.write", "eval(", "new Function"]) {
+        let forbidden = [
+            "<style",
+            "style=",
+            " onclick",
+            "javascript:",
+            "innerHTML",
+            "outerHTML",
+            "insertAdjacentHTML",
+        ];
+        for forbidden in forbidden
+            .into_iter()
+            .chain(["document.write", "eval(", "new Function"])
+        {
             assert!(!text.contains(forbidden), "{}: {forbidden}", file.name);
         }
-        let elsewhere: Vec<_> = quoted_behind(text, "http").into_iter().filter(|url| url.contains("://")).collect();
+        let elsewhere: Vec<_> = quoted_behind(text, "http")
+            .into_iter()
+            .filter(|url| url.contains("://"))
+            .collect();
         let names = ["://www.w3.org/2000/svg"];
-        assert!(elsewhere.iter().all(|url| names.contains(url)), "{}: {elsewhere:?}", file.name);
+        assert!(
+            elsewhere.iter().all(|url| names.contains(url)),
+            "{}: {elsewhere:?}",
+            file.name
+        );
     }
     let index = text(files().find(|file| file.name == INDEX).unwrap());
     let scripts: Vec<_> = index.split("<script").skip(1).collect();
-    assert!(scripts.len() > 1 && scripts.iter().all(|script| script.trim_start().starts_with("src=\"assets/")));
+    assert!(
+        scripts.len() > 1
+            && scripts
+                .iter()
+                .all(|script| script.trim_start().starts_with("src=\"assets/"))
+    );
 }
 
 async fn ask(path: &str, tag: &str) -> Response {
-    let request = Request::get(path).header(header::IF_NONE_MATCH, tag).body(Body::empty()).unwrap();
-    hyper::service::Service::call(&TowerToHyperService::new(router::<()>()), request).await.unwrap()
+    let request = Request::get(path)
+        .header(header::IF_NONE_MATCH, tag)
+        .body(Body::empty())
+        .unwrap();
+    hyper::service::Service::call(&TowerToHyperService::new(router::<()>()), request)
+        .await
+        .unwrap()
 }
 
 #[test]

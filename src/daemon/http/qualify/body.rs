@@ -10,7 +10,8 @@ use serde_json::{Map, Value};
 /// What the body of an order looks like, for people.
 pub(super) const TRIAL_EXAMPLE: &str = r#"{"order": "forward", "epoch": 7}"#;
 /// What the body of a result looks like, for people.
-pub(super) const RESULT_EXAMPLE: &str = r#"{"action": "basic", "result": "confirmed", "by": "anna"}"#;
+pub(super) const RESULT_EXAMPLE: &str =
+    r#"{"action": "basic", "result": "confirmed", "by": "anna"}"#;
 /// Most characters of a person's name.
 const NAME_CHARS_MAX: usize = 64;
 
@@ -25,8 +26,17 @@ pub(super) enum TrialOrder {
 
 impl TrialOrder {
     fn named(word: &str) -> Option<Self> {
-        let sent = || OrderKind::ALL.into_iter().find(|kind| kind.word() == word).map(Self::Sent);
-        if word == "renew" { Some(Self::Renew) } else { sent() }
+        let sent = || {
+            OrderKind::ALL
+                .into_iter()
+                .find(|kind| kind.word() == word)
+                .map(Self::Sent)
+        };
+        if word == "renew" {
+            Some(Self::Renew)
+        } else {
+            sent()
+        }
     }
 
     /// Whether it starts the motor.
@@ -90,7 +100,11 @@ pub(super) fn trial(body: &[u8]) -> Option<(TrialOrder, Option<u64>)> {
 pub(super) fn result(body: &[u8]) -> Option<(ControlAction, Finding, String)> {
     let object = object(body).filter(|object| object.len() == 3)?;
     let action = action_of(object.get("action")?.as_str()?)?;
-    Some((action, Finding::of(object.get("result")?.as_str()?)?, name(&object)?))
+    Some((
+        action,
+        Finding::of(object.get("result")?.as_str()?)?,
+        name(&object)?,
+    ))
 }
 
 /// Who asks.
@@ -107,7 +121,8 @@ fn object(body: &[u8]) -> Option<Map<String, Value>> {
 
 fn name(object: &Map<String, Value>) -> Option<String> {
     let name = object.get("by")?.as_str()?;
-    let is_fit = (1..=NAME_CHARS_MAX).contains(&name.chars().count()) && !name.chars().any(char::is_control);
+    let is_fit =
+        (1..=NAME_CHARS_MAX).contains(&name.chars().count()) && !name.chars().any(char::is_control);
     is_fit.then(|| name.to_owned())
 }
 
@@ -117,8 +132,14 @@ mod tests {
 
     #[test]
     fn an_order_is_named_and_a_start_names_its_epoch() {
-        assert_eq!(trial(TRIAL_EXAMPLE.as_bytes()), Some((TrialOrder::Sent(OrderKind::Forward), Some(7))));
-        assert_eq!(trial(br#"{"order": "stop"}"#), Some((TrialOrder::Sent(OrderKind::Stop), None)));
+        assert_eq!(
+            trial(TRIAL_EXAMPLE.as_bytes()),
+            Some((TrialOrder::Sent(OrderKind::Forward), Some(7)))
+        );
+        assert_eq!(
+            trial(br#"{"order": "stop"}"#),
+            Some((TrialOrder::Sent(OrderKind::Stop), None))
+        );
         for wrong in [
             "",
             "[]",
@@ -136,9 +157,13 @@ mod tests {
     fn a_result_names_what_came_of_it_and_who_saw_it() {
         let expected = (ControlAction::Basic, Finding::Confirmed, "anna".to_owned());
         assert_eq!(result(RESULT_EXAMPLE.as_bytes()), Some(expected));
-        for (from, to) in
-            [("basic", "jog"), ("confirmed", "sure"), ("anna", ""), ("anna", "a\\n"), ("}", ", \"x\": 1}")]
-        {
+        for (from, to) in [
+            ("basic", "jog"),
+            ("confirmed", "sure"),
+            ("anna", ""),
+            ("anna", "a\\n"),
+            ("}", ", \"x\": 1}"),
+        ] {
             let wrong = RESULT_EXAMPLE.replace(from, to);
             assert_eq!(result(wrong.as_bytes()), None, "{wrong}");
         }

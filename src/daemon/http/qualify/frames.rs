@@ -36,7 +36,12 @@ pub(super) fn of(
             return stop.map_or_else(
                 |_| Vec::new(),
                 |(address, value)| {
-                    vec![shown(&functions.request(address, value), &[(address, value)], station, framing)]
+                    vec![shown(
+                        &functions.request(address, value),
+                        &[(address, value)],
+                        station,
+                        framing,
+                    )]
                 },
             );
         }
@@ -45,16 +50,26 @@ pub(super) fn of(
         Some(Order::Release) => steps::of_release(model),
         _ => return Vec::new(),
     };
-    let write = |step| if let Step::Write(writes) = step { Some(writes) } else { None };
+    let write = |step| {
+        if let Step::Write(writes) = step {
+            Some(writes)
+        } else {
+            None
+        }
+    };
     let writes = steps.unwrap_or_default().into_iter().filter_map(write);
     let frames = writes.filter_map(|writes| {
-        let words: Vec<_> = writes.iter().map(|write| (write.address, write.value)).collect();
+        let words: Vec<_> = writes
+            .iter()
+            .map(|write| (write.address, write.value))
+            .collect();
         let request = match words[..] {
             [] => return None,
             [(address, value)] => functions.request(address, value),
-            [(address, _), ..] => {
-                Request::WriteMultiple { address, values: words.iter().map(|(_, value)| *value).collect() }
-            }
+            [(address, _), ..] => Request::WriteMultiple {
+                address,
+                values: words.iter().map(|(_, value)| *value).collect(),
+            },
         };
         Some(shown(&request, &words, station, framing))
     });
@@ -65,8 +80,10 @@ fn shown(request: &Request, words: &[(Address, u16)], station: Station, framing:
     let mut frame = Vec::new();
     framing::encode(framing, &mut frame, station.0, |out| request.encode(out));
     let bytes: Vec<_> = frame.iter().map(|byte| format!("{byte:02X}")).collect();
-    let words: Vec<_> =
-        words.iter().map(|(address, value)| json!({ "register": address.to_string(), "word": value })).collect();
+    let words: Vec<_> = words
+        .iter()
+        .map(|(address, value)| json!({ "register": address.to_string(), "word": value }))
+        .collect();
     json!({ "words": words, "frame": bytes.join(" ") })
 }
 
@@ -83,11 +100,17 @@ mod tests {
         let stop = of(TrialOrder::Sent(OrderKind::Stop), &model, &control, AT);
         let (address, word) = steps::of_stop(&model, false, None).unwrap();
         assert_eq!(stop.len(), 1);
-        assert_eq!(stop[0]["words"], json!([{ "register": address.to_string(), "word": word }]));
+        assert_eq!(
+            stop[0]["words"],
+            json!([{ "register": address.to_string(), "word": word }])
+        );
         let frame = stop[0]["frame"].as_str().unwrap();
         let number = address.number();
         let [high, low] = number.to_be_bytes();
-        assert!(frame.starts_with(&format!("01 06 {high:02X} {low:02X} ")), "{frame}");
+        assert!(
+            frame.starts_with(&format!("01 06 {high:02X} {low:02X} ")),
+            "{frame}"
+        );
         assert!(!of(TrialOrder::Sent(OrderKind::Forward), &model, &control, AT).is_empty());
         assert!(of(TrialOrder::Renew, &model, &control, AT).is_empty());
     }
@@ -95,11 +118,22 @@ mod tests {
     #[test]
     fn a_trial_runs_as_slowly_as_can_be_seen() {
         let hertz = Hertz::from_millihertz;
-        for (least, most, expected) in
-            [(0, 50_000, 5000), (10_000, 50_000, 10_000), (0, 2000, 2000), (1000, 50_000, 5000)]
-        {
-            let control = ControlSettings { least: hertz(least), most: hertz(most), ..control() };
-            assert_eq!(trial_frequency(&control), hertz(expected), "{least} to {most}");
+        for (least, most, expected) in [
+            (0, 50_000, 5000),
+            (10_000, 50_000, 10_000),
+            (0, 2000, 2000),
+            (1000, 50_000, 5000),
+        ] {
+            let control = ControlSettings {
+                least: hertz(least),
+                most: hertz(most),
+                ..control()
+            };
+            assert_eq!(
+                trial_frequency(&control),
+                hertz(expected),
+                "{least} to {most}"
+            );
         }
     }
 }

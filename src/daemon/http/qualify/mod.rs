@@ -50,7 +50,12 @@ pub(super) struct Trials {
 
 /// The routes of the trials of the gateway with its data in `data_dir`.
 pub(super) fn router(side: Arc<LocalSide>, data_dir: PathBuf) -> Router {
-    let trials = Trials { side, data_dir, done: Mutex::default(), writing: tokio::sync::Mutex::default() };
+    let trials = Trials {
+        side,
+        data_dir,
+        done: Mutex::default(),
+        writing: tokio::sync::Mutex::default(),
+    };
     Router::new()
         .route("/api/v1/drives/{name}/qualify", get(look).post(try_out))
         .route("/api/v1/drives/{name}/qualify/state", get(state))
@@ -68,7 +73,10 @@ impl Trials {
     }
 
     /// Changes the file. One that cannot be used is replaced: it counted for nothing.
-    async fn change(&self, change: impl FnOnce(&mut Qualified) -> Result<(), String>) -> Result<(), String> {
+    async fn change(
+        &self,
+        change: impl FnOnce(&mut Qualified) -> Result<(), String>,
+    ) -> Result<(), String> {
         let _writing = self.writing.lock().await;
         let mut qualified = self.qualified().await.unwrap_or_else(|error| {
             tracing::warn!(%error, "the file of qualified drives cannot be used and is replaced");
@@ -76,46 +84,83 @@ impl Trials {
         });
         change(&mut qualified)?;
         let data_dir = self.data_dir.clone();
-        let written = tokio::task::spawn_blocking(move || qualified_file::write(&data_dir, &qualified)).await;
-        written.map_err(|error| error.to_string())?.map_err(|error| error.to_string())
+        let written =
+            tokio::task::spawn_blocking(move || qualified_file::write(&data_dir, &qualified)).await;
+        written
+            .map_err(|error| error.to_string())?
+            .map_err(|error| error.to_string())
     }
 
     fn has_done(&self, place: DriveRef, order: TrialOrder) -> bool {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).contains(&(place, order))
+        self.done
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .contains(&(place, order))
     }
 
     fn did(&self, place: DriveRef, order: TrialOrder) {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).insert((place, order));
+        self.done
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert((place, order));
     }
 
     fn forgets(&self, place: DriveRef) {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).retain(|(of, _)| *of != place);
+        self.done
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .retain(|(of, _)| *of != place);
     }
 
     /// The station of a drive; every drive of a line that is served has one.
     fn station(&self, place: DriveRef) -> Option<Station> {
         let shared = self.side.shared();
-        shared.line(place)?.wiring.stations.get(place.drive.get()).copied()
+        shared
+            .line(place)?
+            .wiring
+            .stations
+            .get(place.drive.get())
+            .copied()
     }
 
     /// Reads the identity of the drive: the key of its results.
-    async fn drive_as_it_is(&self, description: &DriveDescription) -> Result<QualifiedDrive, Report> {
+    async fn drive_as_it_is(
+        &self,
+        description: &DriveDescription,
+    ) -> Result<QualifiedDrive, Report> {
         let model = &description.model;
-        let station = self.station(description.place).ok_or(Report::refused(Reason::UnknownDrive))?;
+        let station = self
+            .station(description.place)
+            .ok_or(Report::refused(Reason::UnknownDrive))?;
         let identity = match &model.identity {
             None => None,
             Some(identity) => {
-                let word = self.side.read(description.place, identity.address, clock::now() + READ_WITHIN).await?;
+                let word = self
+                    .side
+                    .read(
+                        description.place,
+                        identity.address,
+                        clock::now() + READ_WITHIN,
+                    )
+                    .await?;
                 Some((identity.address.number(), word & identity.mask))
             }
         };
         let line = description.line.to_string();
-        Ok(QualifiedDrive { line, station: station.0, model: model.id.clone(), digest: model.digest, identity })
+        Ok(QualifiedDrive {
+            line,
+            station: station.0,
+            model: model.id.clone(),
+            digest: model.digest,
+            identity,
+        })
     }
 
     fn standing(&self, description: &DriveDescription, qualified: &Qualified) -> Standing {
         let station = self.station(description.place);
-        station.map_or(Standing::Never, |at| qualified.standing(description.line.as_str(), at, &description.model))
+        station.map_or(Standing::Never, |at| {
+            qualified.standing(description.line.as_str(), at, &description.model)
+        })
     }
 
     /// Stop, forward and the setpoint are sure before anything else is tried, and a stop before the first start.
@@ -124,17 +169,22 @@ impl Trials {
             return false;
         }
         let control = description.control.as_ref();
-        let is_sure = control.is_some_and(|it| description.model.may_be_ordered(&it.accept_unverified));
+        let is_sure =
+            control.is_some_and(|it| description.model.may_be_ordered(&it.accept_unverified));
         if is_sure || order == TrialOrder::Sent(OrderKind::Forward) {
             return true;
         }
         let qualified = self.qualified().await.unwrap_or_default();
-        self.standing(description, &qualified).actions().contains(&ControlAction::Basic)
+        self.standing(description, &qualified)
+            .actions()
+            .contains(&ControlAction::Basic)
     }
 
     async fn send(&self, drive: &SharedDrive, order: TrialOrder, epoch: Option<u64>) -> Report {
         let description = &drive.description;
-        let Some(control) = &description.control else { return Report::refused(Reason::ReadOnly) };
+        let Some(control) = &description.control else {
+            return Report::refused(Reason::ReadOnly);
+        };
         let is_free = matches!(order, TrialOrder::Sent(OrderKind::Stop) | TrialOrder::Renew);
         if !is_free && !self.is_in_turn(description, order).await {
             return Report::refused(Reason::Unverified);
@@ -142,8 +192,15 @@ impl Trials {
         let Some(wanted) = order.order(frames::trial_frequency(control)) else {
             return Report::refused(Reason::NotUnderstood);
         };
-        let marks = Marks { epoch: epoch.filter(|_| order.runs()), trial: order.action() };
-        let report = self.side.order_marked(Who::TRIAL, description.place, wanted, marks).end().await;
+        let marks = Marks {
+            epoch: epoch.filter(|_| order.runs()),
+            trial: order.action(),
+        };
+        let report = self
+            .side
+            .order_marked(Who::TRIAL, description.place, wanted, marks)
+            .end()
+            .await;
         if matches!(report.outcome, Outcome::Acknowledged | Outcome::Confirmed) {
             self.did(description.place, order);
         }
@@ -159,19 +216,29 @@ impl Trials {
 
 /// What there is to be tried at a drive, and what came of it before. Its identity is read from the drive.
 async fn look(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> Response {
-    let Some(_place) = trials.side.place() else { return too_many(&name) };
-    let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };
+    let Some(_place) = trials.side.place() else {
+        return too_many(&name);
+    };
+    let Some(drive) = find(&trials.side, &name) else {
+        return unknown(&trials.side, &name);
+    };
     answer(&shown::all(&trials, &drive).await).into_response()
 }
 
 /// What the drive does, as it was last polled.
 async fn state(State(trials): State<Arc<Trials>>, Path(name): Path<String>) -> Response {
-    let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };
+    let Some(drive) = find(&trials.side, &name) else {
+        return unknown(&trials.side, &name);
+    };
     answer(&shown::state(&drive)).into_response()
 }
 
 /// One order of a trial.
-async fn try_out(State(trials): State<Arc<Trials>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn try_out(
+    State(trials): State<Arc<Trials>>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Response {
     let Some((order, epoch)) = body::trial(&body) else {
         return not_understood(&name, format!("a body such as {TRIAL_EXAMPLE} is expected"));
     };
@@ -180,7 +247,9 @@ async fn try_out(State(trials): State<Arc<Trials>>, Path(name): Path<String>, bo
     if place.is_none() && order != TrialOrder::Sent(OrderKind::Stop) && order != TrialOrder::Renew {
         return too_many(&name);
     }
-    let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };
+    let Some(drive) = find(&trials.side, &name) else {
+        return unknown(&trials.side, &name);
+    };
     // A client that disconnects does not cancel the order: its lease ends, and the fail-safe action follows.
     let carried_out = tokio::spawn(async move {
         let _place = place;
@@ -193,26 +262,51 @@ async fn try_out(State(trials): State<Arc<Trials>>, Path(name): Path<String>, bo
 }
 
 /// The result of a trial.
-async fn keep(State(trials): State<Arc<Trials>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn keep(
+    State(trials): State<Arc<Trials>>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Response {
     let Some((action, result, by)) = body::result(&body) else {
-        return not_understood(&name, format!("a body such as {RESULT_EXAMPLE} is expected"));
+        return not_understood(
+            &name,
+            format!("a body such as {RESULT_EXAMPLE} is expected"),
+        );
     };
-    let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };
+    let Some(drive) = find(&trials.side, &name) else {
+        return unknown(&trials.side, &name);
+    };
     let description = &drive.description;
     let place = description.place;
-    let is_on = description.control.as_ref().is_some_and(|control| control.qualify);
-    let was_tried = TrialOrder::of_action(action).iter().all(|order| trials.has_done(place, *order));
+    let is_on = description
+        .control
+        .as_ref()
+        .is_some_and(|control| control.qualify);
+    let was_tried = TrialOrder::of_action(action)
+        .iter()
+        .all(|order| trials.has_done(place, *order));
     let report = if !is_on {
         Report::refused(Reason::NotAllowed)
     } else if result == Finding::Confirmed && !was_tried {
         Report::refused(Reason::Unverified)
     } else {
         match trials.drive_as_it_is(description).await {
-            Err(report) => Report { outcome: Outcome::Refused, ..report },
+            Err(report) => Report {
+                outcome: Outcome::Refused,
+                ..report
+            },
             Ok(as_it_is) => {
                 let at = rfc3339(clock::wall());
-                let fact = QualifiedFact { action, result, by: by.clone(), at };
-                match trials.change(|qualified| qualified.record(&as_it_is, fact)).await {
+                let fact = QualifiedFact {
+                    action,
+                    result,
+                    by: by.clone(),
+                    at,
+                };
+                match trials
+                    .change(|qualified| qualified.record(&as_it_is, fact))
+                    .await
+                {
                     Ok(()) => Report::new(Outcome::Confirmed, Reason::None),
                     Err(error) => return not_kept(&name, &error),
                 }
@@ -226,20 +320,33 @@ async fn keep(State(trials): State<Arc<Trials>>, Path(name): Path<String>, body:
         _ => report,
     };
     let what = format!("qualify {}: {} by {by}", action.word(), result.word());
-    trials.side.keep(Who::TRIAL, Some(place), Tried::Text(what), kept);
+    trials
+        .side
+        .keep(Who::TRIAL, Some(place), Tried::Text(what), kept);
     let (action, result, outcome_word) = (action.word(), result.word(), report.outcome.word());
     tracing::info!(drive = %description.name, action, result, by, outcome = outcome_word, "qualified");
     answer(&outcome(&name, report, Vec::new())).into_response()
 }
 
 /// Forgets all results of a drive.
-async fn forget(State(trials): State<Arc<Trials>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn forget(
+    State(trials): State<Arc<Trials>>,
+    Path(name): Path<String>,
+    body: Bytes,
+) -> Response {
     let Some(by) = body::by(&body) else {
-        return not_understood(&name, "a body such as {\"by\": \"anna\"} is expected".to_owned());
+        return not_understood(
+            &name,
+            "a body such as {\"by\": \"anna\"} is expected".to_owned(),
+        );
     };
-    let Some(drive) = find(&trials.side, &name) else { return unknown(&trials.side, &name) };
+    let Some(drive) = find(&trials.side, &name) else {
+        return unknown(&trials.side, &name);
+    };
     let description = &drive.description;
-    let Some(station) = trials.station(description.place) else { return unknown(&trials.side, &name) };
+    let Some(station) = trials.station(description.place) else {
+        return unknown(&trials.side, &name);
+    };
     let line = description.line.as_str();
     let forgotten = trials.change(|qualified| {
         qualified.forget(line, station);
@@ -250,7 +357,12 @@ async fn forget(State(trials): State<Arc<Trials>>, Path(name): Path<String>, bod
     }
     trials.forgets(description.place);
     let report = Report::new(Outcome::Confirmed, Reason::None);
-    trials.side.keep(Who::TRIAL, Some(description.place), Tried::Text(format!("qualify: forgotten by {by}")), report);
+    trials.side.keep(
+        Who::TRIAL,
+        Some(description.place),
+        Tried::Text(format!("qualify: forgotten by {by}")),
+        report,
+    );
     tracing::info!(drive = %description.name, by, "results of trials forgotten");
     answer(&outcome(&name, report, Vec::new())).into_response()
 }

@@ -28,7 +28,9 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
     let standing = trials.standing(description, &qualified);
     let station = trials.station(description.place);
     let kept = station.and_then(|station| qualified.facts(description.line.as_str(), station));
-    let is_another = as_it_is.as_ref().is_ok_and(|now| kept.is_some_and(|(then, _)| now != then));
+    let is_another = as_it_is
+        .as_ref()
+        .is_ok_and(|now| kept.is_some_and(|(then, _)| now != then));
     let void = match &standing {
         Standing::Void(_, why) => Some(why.to_string()),
         _ => is_another.then(|| "the drive itself is another one now".to_owned()),
@@ -53,7 +55,11 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
         "state": state(drive),
     });
     if let Some(control) = control {
-        let framing = trials.side.shared().line(description.place).map_or(Framing::Rtu, |line| line.wiring.framing);
+        let framing = trials
+            .side
+            .shared()
+            .line(description.place)
+            .map_or(Framing::Rtu, |line| line.wiring.framing);
         let at = station.zip(Some(framing));
         let orders = OrderKind::ALL.into_iter().filter_map(|order| {
             let frames = frames::of(TrialOrder::Sent(order), model, control, at?);
@@ -61,7 +67,9 @@ pub(super) async fn all(trials: &Trials, drive: &SharedDrive) -> Value {
         });
         shown["orders"] = orders.collect::<Map<_, _>>().into();
         shown["setpoint_hz"] = frames::trial_frequency(control).as_f64().into();
-        shown["lost_after_ms"] = u64::try_from(control.lost_after.as_millis()).unwrap_or(u64::MAX).into();
+        shown["lost_after_ms"] = u64::try_from(control.lost_after.as_millis())
+            .unwrap_or(u64::MAX)
+            .into();
         shown["on_commander_lost"] = control.on_commander_lost.word().into();
         shown["may_reverse"] = control.directions.contains(&Direction::Reverse).into();
         shown["may_go_forward"] = control.directions.contains(&Direction::Forward).into();
@@ -81,10 +89,16 @@ fn action(
     let is_proven = !is_unproven(model, action);
     let rests_on = match action {
         ControlAction::Basic if is_proven => model.basics().iter().map(Basic::described).collect(),
-        ControlAction::Basic => model.unproven_basics().iter().map(Basic::described).collect(),
+        ControlAction::Basic => model
+            .unproven_basics()
+            .iter()
+            .map(Basic::described)
+            .collect(),
         action => {
             let fact = model.run.as_ref().and_then(|run| run.action(action));
-            fact.map(|fact| format!("{} ({})", action.word(), fact.confidence.word())).into_iter().collect::<Vec<_>>()
+            fact.map(|fact| format!("{} ({})", action.word(), fact.confidence.word()))
+                .into_iter()
+                .collect::<Vec<_>>()
         }
     };
     let is_in_force = control.is_some_and(|control| control.accept_unverified.contains(&action));
@@ -109,7 +123,9 @@ pub(super) fn state(drive: &SharedDrive) -> Value {
     let now = clock::now();
     let output = drive.description.model.register_for(Role::OutputFrequency);
     let reading = output.and_then(|register| view.snapshot.value(register));
-    let hertz = reading.filter(|_| output.is_some_and(|it| it.unit == UnitOfMeasure::Hertz)).map(|it| it.value.value());
+    let hertz = reading
+        .filter(|_| output.is_some_and(|it| it.unit == UnitOfMeasure::Hertz))
+        .map(|it| it.value.value());
     let control = view.control.as_ref();
     json!({
         "presence": presence(&view),
@@ -124,6 +140,19 @@ pub(super) fn state(drive: &SharedDrive) -> Value {
 }
 
 async fn firmware(trials: &Trials, drive: &SharedDrive) -> Option<u16> {
-    let register = drive.description.model.registers.iter().find(|it| it.name == FIRMWARE && it.access.can_read())?;
-    trials.side.read(drive.description.place, register.address, clock::now() + READ_WITHIN).await.ok()
+    let register = drive
+        .description
+        .model
+        .registers
+        .iter()
+        .find(|it| it.name == FIRMWARE && it.access.can_read())?;
+    trials
+        .side
+        .read(
+            drive.description.place,
+            register.address,
+            clock::now() + READ_WITHIN,
+        )
+        .await
+        .ok()
 }

@@ -17,52 +17,87 @@ pub(in super::super) const STATION: &[Metric<StationReport>] = &[
         |station: &StationReport| seconds(station.oldest_age),
     )
     .in_unit("seconds"),
-    gauge("drive_planned_age", "The oldest that one becomes by plan.", |station: &StationReport| {
-        seconds(station.planned_age?)
-    })
+    gauge(
+        "drive_planned_age",
+        "The oldest that one becomes by plan.",
+        |station: &StationReport| seconds(station.planned_age?),
+    )
     .in_unit("seconds"),
-    counter("drive_replies", "Right replies.", |station| Some(station.exchanges.replies)),
-    counter("drive_exceptions", "Exceptions that the drive answered with.", |station| {
-        Some(station.exchanges.exceptions)
+    counter("drive_replies", "Right replies.", |station| {
+        Some(station.exchanges.replies)
     }),
-    counter("drive_silent", "Time-outs without any frame from the drive.", |station| Some(station.exchanges.silent)),
-    counter("drive_garbled", "Exchanges that ended with a damaged reply.", |station| Some(station.exchanges.garbled)),
-    counter("drive_retries", "Reads repeated after damage.", |station| Some(station.exchanges.retries)),
-    counter("drive_late", "Valid frames of the drive that came after their request had timed out.", |station| {
-        Some(station.damage.late)
+    counter(
+        "drive_exceptions",
+        "Exceptions that the drive answered with.",
+        |station| Some(station.exchanges.exceptions),
+    ),
+    counter(
+        "drive_silent",
+        "Time-outs without any frame from the drive.",
+        |station| Some(station.exchanges.silent),
+    ),
+    counter(
+        "drive_garbled",
+        "Exchanges that ended with a damaged reply.",
+        |station| Some(station.exchanges.garbled),
+    ),
+    counter("drive_retries", "Reads repeated after damage.", |station| {
+        Some(station.exchanges.retries)
     }),
-    counter("drive_late_beyond_limit", "Of these: later than the longest lateness that is declared.", |station| {
-        Some(station.damage.beyond_limit)
-    }),
-    counter("drive_doubled", "Sound frames of the drive that no request explains.", |station| {
-        Some(station.damage.doubled)
-    }),
+    counter(
+        "drive_late",
+        "Valid frames of the drive that came after their request had timed out.",
+        |station| Some(station.damage.late),
+    ),
+    counter(
+        "drive_late_beyond_limit",
+        "Of these: later than the longest lateness that is declared.",
+        |station| Some(station.damage.beyond_limit),
+    ),
+    counter(
+        "drive_doubled",
+        "Sound frames of the drive that no request explains.",
+        |station| Some(station.damage.doubled),
+    ),
     gauge(
         "drive_bad",
         "Bad ones of the last 100 exchanges; absent while too few were seen.",
-        |station: &StationReport| station.bad_per_cent.map(|per_cent| f64::from(per_cent) / 100.0),
+        |station: &StationReport| {
+            station
+                .bad_per_cent
+                .map(|per_cent| f64::from(per_cent) / 100.0)
+        },
     )
     .in_unit("ratio"),
-    gauge("drive_suspended", "1 while run orders and higher setpoints are refused for the drive.", |station| {
-        truth(station.is_suspended)
-    }),
+    gauge(
+        "drive_suspended",
+        "1 while run orders and higher setpoints are refused for the drive.",
+        |station| truth(station.is_suspended),
+    ),
 ];
 
 /// Its replies; labels `line`, `drive` and `class`.
 pub(in super::super) const REPLIES: &[Metric<ReplyReport>] = &[
-    gauge("drive_reply_timeout", "How long the start of a reply is waited for.", |reply: &ReplyReport| {
-        seconds(reply.timeout)
-    })
+    gauge(
+        "drive_reply_timeout",
+        "How long the start of a reply is waited for.",
+        |reply: &ReplyReport| seconds(reply.timeout),
+    )
     .in_unit("seconds"),
-    gauge("drive_reply_times", "Replies that the reply times rest on.", |reply: &ReplyReport| {
-        Some(f64::from(reply.count))
-    }),
+    gauge(
+        "drive_reply_times",
+        "Replies that the reply times rest on.",
+        |reply: &ReplyReport| Some(f64::from(reply.count)),
+    ),
 ];
 
 /// From the end of a request to the start of its reply; labels as those, and `share`: the share of all that took no
 /// longer, 1 for the longest.
-pub(in super::super) const REPLY_TIME: Name =
-    plain("drive_reply_time", Some("seconds"), "From the end of a request to the start of its reply.");
+pub(in super::super) const REPLY_TIME: Name = plain(
+    "drive_reply_time",
+    Some("seconds"),
+    "From the end of a request to the start of its reply.",
+);
 
 /// How a quantile is taken.
 type Quantile = (&'static str, fn(&ReplyReport) -> Duration);
@@ -94,7 +129,9 @@ pub(in super::super) const COMMANDS: Name = Name {
 
 /// Each drive; labels `line` and `drive`. Metrics of control exist only for drives with a control section.
 pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
-    gauge("drive_online", "1 while the drive answers.", |view| truth(view.is_online())),
+    gauge("drive_online", "1 while the drive answers.", |view| {
+        truth(view.is_online())
+    }),
     gauge(
         "drive_may_still_run",
         "1 while the drive is out of sight, and its motor was not seen at standstill before.",
@@ -105,27 +142,63 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
         "0 unknown, 1 stopped, 2 forward, 3 reverse, 4 tripped, 5 offline, 6 running, 7 stopping.",
         |view| Some(f64::from(shown::run_state(view).number())),
     ),
-    counter("drive_trips_seen", "Trips that this process has seen.", |view| Some(u64::from(view.trip.seen))),
-    counter("drive_energy", "Energy that the drive has used; absent where it is not known.", |view: &DriveView| {
-        view.usage.parts.energy.map(|_| view.usage.totals.energy_mj / 1000)
-    })
+    counter(
+        "drive_trips_seen",
+        "Trips that this process has seen.",
+        |view| Some(u64::from(view.trip.seen)),
+    ),
+    counter(
+        "drive_energy",
+        "Energy that the drive has used; absent where it is not known.",
+        |view: &DriveView| {
+            view.usage
+                .parts
+                .energy
+                .map(|_| view.usage.totals.energy_mj / 1000)
+        },
+    )
     .in_unit("joules"),
-    counter("drive_running", "Time in which the motor ran.", |view: &DriveView| {
-        view.usage.parts.has(UsagePart::RunningHours).then_some(view.usage.totals.running.as_secs())
-    })
+    counter(
+        "drive_running",
+        "Time in which the motor ran.",
+        |view: &DriveView| {
+            view.usage
+                .parts
+                .has(UsagePart::RunningHours)
+                .then_some(view.usage.totals.running.as_secs())
+        },
+    )
     .in_unit("seconds"),
-    counter("drive_starts", "How often the motor began to run.", |view| {
-        view.usage.parts.has(UsagePart::Starts).then(|| u64::from(view.usage.totals.starts))
-    }),
-    counter("drive_trips", "Trips, including those that earlier processes have seen.", |view| {
-        view.usage.parts.has(UsagePart::Trips).then(|| u64::from(view.usage.totals.trips))
-    }),
-    gauge("drive_trip_active", "1 while a trip holds; absent while that is not known.", |view| {
-        truth(view.trip.active?)
-    }),
-    gauge("drive_trip_code", "The vendor's number of the newest trip; absent without one that is known.", |view| {
-        view.trip_kept.last_code.map(f64::from)
-    }),
+    counter(
+        "drive_starts",
+        "How often the motor began to run.",
+        |view| {
+            view.usage
+                .parts
+                .has(UsagePart::Starts)
+                .then(|| u64::from(view.usage.totals.starts))
+        },
+    ),
+    counter(
+        "drive_trips",
+        "Trips, including those that earlier processes have seen.",
+        |view| {
+            view.usage
+                .parts
+                .has(UsagePart::Trips)
+                .then(|| u64::from(view.usage.totals.trips))
+        },
+    ),
+    gauge(
+        "drive_trip_active",
+        "1 while a trip holds; absent while that is not known.",
+        |view| truth(view.trip.active?),
+    ),
+    gauge(
+        "drive_trip_code",
+        "The vendor's number of the newest trip; absent without one that is known.",
+        |view| view.trip_kept.last_code.map(f64::from),
+    ),
     gauge(
         "drive_watchdog_in_order",
         "1 while the drive's own watchdog is known to be on and to fit; for models with one.",
@@ -135,34 +208,48 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
         "drive_watchdog",
         "Time of the drive's own watchdog, 0 while it is off; absent while that is not known.",
         |view: &DriveView| {
-            let watchdog = view.watchdog.filter(|watchdog| watchdog.state != WatchdogState::Unknown)?;
+            let watchdog = view
+                .watchdog
+                .filter(|watchdog| watchdog.state != WatchdogState::Unknown)?;
             seconds(watchdog.time.unwrap_or_default())
         },
     )
     .in_unit("seconds"),
-    gauge("drive_registers_refused", "Polled registers that the drive refuses to show.", |view| {
-        u32::try_from(view.refused.len()).ok().map(f64::from)
-    }),
-    gauge("drive_start_inhibited", "1 while RUN needs a stop and a new run command first.", |view| {
-        of_control(view, |control| control.start_inhibited)
-    }),
-    gauge("drive_stop_pending", "1 while a stop is not effective yet.", |view| {
-        of_control(view, |control| control.stop_pending)
-    }),
+    gauge(
+        "drive_registers_refused",
+        "Polled registers that the drive refuses to show.",
+        |view| u32::try_from(view.refused.len()).ok().map(f64::from),
+    ),
+    gauge(
+        "drive_start_inhibited",
+        "1 while RUN needs a stop and a new run command first.",
+        |view| of_control(view, |control| control.start_inhibited),
+    ),
+    gauge(
+        "drive_stop_pending",
+        "1 while a stop is not effective yet.",
+        |view| of_control(view, |control| control.stop_pending),
+    ),
     gauge(
         "drive_output_outside",
         "1 while the output was seen outside the limits or far from the setpoint, and not right since.",
         |view| of_control(view, |control| control.output_outside),
     ),
-    gauge("drive_stopped_elsewhere", "1 while the drive was found stopped in spite of its order to run.", |view| {
-        of_control(view, |control| control.stopped_elsewhere)
-    }),
-    gauge("drive_not_effective", "1 while a stop had no effect in time.", |view| {
-        of_control(view, |control| control.not_effective)
-    }),
-    gauge("drive_failsafe", "1 from the moment a fail-safe action falls due to the next RUN.", |view| {
-        of_control(view, |control| control.failsafe.is_some())
-    }),
+    gauge(
+        "drive_stopped_elsewhere",
+        "1 while the drive was found stopped in spite of its order to run.",
+        |view| of_control(view, |control| control.stopped_elsewhere),
+    ),
+    gauge(
+        "drive_not_effective",
+        "1 while a stop had no effect in time.",
+        |view| of_control(view, |control| control.not_effective),
+    ),
+    gauge(
+        "drive_failsafe",
+        "1 from the moment a fail-safe action falls due to the next RUN.",
+        |view| of_control(view, |control| control.failsafe.is_some()),
+    ),
     gauge(
         "drive_failsafe_stage",
         "How far it has come: 0 none, 1 due, 2 sent, 3 effective, 4 not needed, 5 given up.",
@@ -171,15 +258,27 @@ pub(in super::super) const DRIVE: &[Metric<DriveView>] = &[
             Some(run.map_or(0.0, |run| f64::from(1 + run.stage as u8)))
         },
     ),
-    gauge("drive_commander_lost", "1 while that action's cause is a commander that was lost.", |view| {
-        of_control(view, |control| control.failsafe.is_some_and(|run| run.cause.is_lost_commander()))
-    }),
-    gauge("drive_lease_held", "1 while a client holds control.", |view| {
-        of_control(view, |control| control.lease.is_some())
-    }),
-    counter("drive_commands", "Commands so far; it wraps at 65536, as the register does.", |view| {
-        Some(u64::from(view.control.as_ref()?.commands))
-    }),
+    gauge(
+        "drive_commander_lost",
+        "1 while that action's cause is a commander that was lost.",
+        |view| {
+            of_control(view, |control| {
+                control
+                    .failsafe
+                    .is_some_and(|run| run.cause.is_lost_commander())
+            })
+        },
+    ),
+    gauge(
+        "drive_lease_held",
+        "1 while a client holds control.",
+        |view| of_control(view, |control| control.lease.is_some()),
+    ),
+    counter(
+        "drive_commands",
+        "Commands so far; it wraps at 65536, as the register does.",
+        |view| Some(u64::from(view.control.as_ref()?.commands)),
+    ),
 ];
 
 /// Whether it warns; labels `line` and `drive`.
@@ -190,17 +289,28 @@ pub(in super::super) const WARNING: Name = plain(
 );
 
 /// The output frequency as the drive reports it, while it is fresh; labels `line` and `drive`.
-pub(in super::super) const OUTPUT_FREQUENCY: Name =
-    plain("drive_output_frequency", Some("hertz"), "Output frequency; absent while it is stale.");
+pub(in super::super) const OUTPUT_FREQUENCY: Name = plain(
+    "drive_output_frequency",
+    Some("hertz"),
+    "Output frequency; absent while it is stale.",
+);
 
 /// Every other polled register, while it is fresh; labels `line`, `drive`, `name` and `unit`.
-pub(in super::super) const VALUE: Name =
-    plain("drive_value", None, "Polled registers in their units; absent while stale.");
+pub(in super::super) const VALUE: Name = plain(
+    "drive_value",
+    None,
+    "Polled registers in their units; absent while stale.",
+);
 
 /// Age of its values; labels `line` and `drive`.
-pub(in super::super) const VALUE_AGE: Name =
-    plain("drive_value_age", Some("seconds"), "Age of the oldest fast value now; absent while one was never read.");
+pub(in super::super) const VALUE_AGE: Name = plain(
+    "drive_value_age",
+    Some("seconds"),
+    "Age of the oldest fast value now; absent while one was never read.",
+);
 
 fn of_control(view: &DriveView, what: fn(&ControlView) -> bool) -> Option<f64> {
-    view.control.as_ref().and_then(|control| truth(what(control)))
+    view.control
+        .as_ref()
+        .and_then(|control| truth(what(control)))
 }

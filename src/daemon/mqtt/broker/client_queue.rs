@@ -73,8 +73,14 @@ impl ClientQueue {
         let weight = delivery.post.message.weight();
         while self.waiting.len() >= WAITING_MAX || self.bytes + weight > WAITING_BYTES_MAX {
             self.dropped += 1;
-            let oldest = if self.passing == 0 { None } else { self.waiting.iter().position(is_passing) };
-            let Some(oldest) = oldest.and_then(|at| self.waiting.remove(at)) else { return };
+            let oldest = if self.passing == 0 {
+                None
+            } else {
+                self.waiting.iter().position(is_passing)
+            };
+            let Some(oldest) = oldest.and_then(|at| self.waiting.remove(at)) else {
+                return;
+            };
             self.count_out(&oldest);
         }
         self.bytes += weight;
@@ -86,7 +92,12 @@ impl ClientQueue {
     pub fn ask(&mut self, filter: &str, options: Options, retained: &Retained) {
         self.forget(filter);
         let number = retained.number();
-        self.asked.push_back(RetainedBatch { filter: filter.to_owned(), options, after: None, number });
+        self.asked.push_back(RetainedBatch {
+            filter: filter.to_owned(),
+            options,
+            after: None,
+            number,
+        });
     }
 
     /// Removes a subscription.
@@ -101,7 +112,12 @@ impl ClientQueue {
 
     /// Ends a connection: messages at quality of service 0 are dropped.
     pub fn end(&mut self) {
-        let gone: Vec<Delivery> = self.waiting.iter().filter(|it| is_passing(it)).cloned().collect();
+        let gone: Vec<Delivery> = self
+            .waiting
+            .iter()
+            .filter(|it| is_passing(it))
+            .cloned()
+            .collect();
         gone.iter().for_each(|it| self.count_out(it));
         self.waiting.retain(|it| !is_passing(it));
     }
@@ -113,13 +129,16 @@ impl ClientQueue {
 
     /// Handles an acknowledgement at quality of service 1.
     pub fn acked(&mut self, id: u16) {
-        self.in_flight.retain(|it| it.id != id || it.qos() != Some(Qos::AtLeastOnce));
+        self.in_flight
+            .retain(|it| it.id != id || it.qos() != Some(Qos::AtLeastOnce));
     }
 
     /// Handles PUBREC: the client has the message, or refuses it. Returns the reason to answer with.
     pub fn received(&mut self, id: u16, is_taken: bool) -> Option<u8> {
         let is_it = |it: &InFlight| it.id == id && it.qos() != Some(Qos::AtLeastOnce);
-        let Some(at) = self.in_flight.iter().position(is_it) else { return Some(reason::IDENTIFIER_NOT_FOUND) };
+        let Some(at) = self.in_flight.iter().position(is_it) else {
+            return Some(reason::IDENTIFIER_NOT_FOUND);
+        };
         if !is_taken {
             self.in_flight.remove(at);
             return None;
@@ -131,11 +150,18 @@ impl ClientQueue {
 
     /// Handles PUBCOMP, the end of a message at quality of service 2.
     pub fn completed(&mut self, id: u16) {
-        self.in_flight.retain(|it| it.id != id || it.qos().is_some());
+        self.in_flight
+            .retain(|it| it.id != id || it.qos().is_some());
     }
 
     /// Appends the next packet to `out`; returns false if there is none now.
-    pub fn next(&mut self, taking: Taking, retained: &Retained, now: MonoTime, out: &mut Vec<u8>) -> bool {
+    pub fn next(
+        &mut self,
+        taking: Taking,
+        retained: &Retained,
+        now: MonoTime,
+        out: &mut Vec<u8>,
+    ) -> bool {
         let sent = self.in_flight.iter().filter(|it| it.is_sent).count();
         if sent < taking.window
             && let Some(again) = self.in_flight.iter_mut().find(|it| !it.is_sent)
@@ -158,7 +184,11 @@ impl ClientQueue {
             }
             if delivery.qos != Qos::AtMostOnce {
                 self.last_id = id;
-                self.in_flight.push_back(InFlight { id, stage: Stage::Published(delivery), is_sent: true });
+                self.in_flight.push_back(InFlight {
+                    id,
+                    stage: Stage::Published(delivery),
+                    is_sent: true,
+                });
             }
             return true;
         }
@@ -168,7 +198,8 @@ impl ClientQueue {
     /// The next message that may be sent: above quality of service 0 only if `has_room`.
     fn take(&mut self, has_room: bool, retained: &Retained, now: MonoTime) -> Option<Delivery> {
         while let Some(asked) = self.asked.front_mut() {
-            let Some(post) = retained.next(&asked.filter, asked.after.as_ref(), asked.number, now) else {
+            let Some(post) = retained.next(&asked.filter, asked.after.as_ref(), asked.number, now)
+            else {
                 self.asked.pop_front();
                 continue;
             };
@@ -178,7 +209,12 @@ impl ClientQueue {
             }
             asked.after = Some(Arc::clone(&post.message.topic));
             let identifiers = asked.options.identifier.into_iter().collect();
-            return Some(Delivery { post: post.clone(), qos, retain: true, identifiers });
+            return Some(Delivery {
+                post: post.clone(),
+                qos,
+                retain: true,
+                identifiers,
+            });
         }
         let delivery = self.waiting.pop_front_if(|it| has_room || is_passing(it))?;
         self.count_out(&delivery);
@@ -216,7 +252,11 @@ impl InFlight {
         self.is_sent = true;
         match &self.stage {
             Stage::Published(delivery) => write(delivery, self.id, true, taking.version, now, out),
-            Stage::Released => encode::packet(&Outgoing::Released(self.id, reason::SUCCESS), taking.version, out),
+            Stage::Released => encode::packet(
+                &Outgoing::Released(self.id, reason::SUCCESS),
+                taking.version,
+                out,
+            ),
         }
     }
 }
@@ -225,11 +265,30 @@ fn is_passing(delivery: &Delivery) -> bool {
     delivery.qos == Qos::AtMostOnce
 }
 
-fn write(delivery: &Delivery, id: u16, is_repeat: bool, version: Version, now: MonoTime, out: &mut Vec<u8>) {
-    let Delivery { post, qos, retain, identifiers } = delivery;
+fn write(
+    delivery: &Delivery,
+    id: u16,
+    is_repeat: bool,
+    version: Version,
+    now: MonoTime,
+    out: &mut Vec<u8>,
+) {
+    let Delivery {
+        post,
+        qos,
+        retain,
+        identifiers,
+    } = delivery;
     let packet_id = (*qos != Qos::AtMostOnce).then_some((id, is_repeat));
     let message = &*post.message;
     let expiry = post.seconds_left(now);
-    let packet = Outgoing::Publish { message, qos: *qos, retain: *retain, packet_id, expiry, identifiers };
+    let packet = Outgoing::Publish {
+        message,
+        qos: *qos,
+        retain: *retain,
+        packet_id,
+        expiry,
+        identifiers,
+    };
     encode::packet(&packet, version, out);
 }

@@ -43,7 +43,13 @@ impl Shared {
     pub fn new() -> Arc<Self> {
         // The seed is for names, which are not secrets.
         let machine = Machine::new(clock::wall_micros().unsigned_abs(), clock::now());
-        Arc::new(Self { state: Mutex::new(State { machine, bells: HashMap::new(), beats: 0 }) })
+        Arc::new(Self {
+            state: Mutex::new(State {
+                machine,
+                bells: HashMap::new(),
+                beats: 0,
+            }),
+        })
     }
 
     /// A place for one more connection; `None` if there are too many.
@@ -52,7 +58,11 @@ impl Shared {
         let mut state = self.state();
         let id = state.machine.open(clock::now())?;
         state.bells.insert(id, Arc::clone(&bell));
-        Some(ConnectionPermit { id, bell, shared: Arc::clone(self) })
+        Some(ConnectionPermit {
+            id,
+            bell,
+            shared: Arc::clone(self),
+        })
     }
 
     /// Lets time pass.
@@ -67,7 +77,10 @@ impl Shared {
                 tracing::warn!(%client, count, "client is too slow or away; messages dropped");
             }
             if report.not_kept > 0 {
-                tracing::warn!(count = report.not_kept, "too many retained messages; some were not kept");
+                tracing::warn!(
+                    count = report.not_kept,
+                    "too many retained messages; some were not kept"
+                );
             }
         }
     }
@@ -97,7 +110,9 @@ impl ConnectionPermit {
                 Ok(None) => return,
                 Ok(Some(frame)) => {
                     let body = &bytes[frame.body..frame.end];
-                    let done = self.shared.with(|it| it.received(self.id, frame.first, body, clock::now()));
+                    let done = self
+                        .shared
+                        .with(|it| it.received(self.id, frame.first, body, clock::now()));
                     bytes.advance(frame.end);
                     done
                 }
@@ -128,7 +143,8 @@ impl ConnectionPermit {
 
 impl Drop for ConnectionPermit {
     fn drop(&mut self) {
-        self.shared.with(|machine| machine.closed(self.id, clock::now()));
+        self.shared
+            .with(|machine| machine.closed(self.id, clock::now()));
         self.shared.state().bells.remove(&self.id);
     }
 }
@@ -172,5 +188,7 @@ async fn carry(
         }
     }
     // A client that does not read does not hold its place for long.
-    tokio::time::timeout(FAREWELL, to.write_all(&outgoing)).await.unwrap_or(Ok(()))
+    tokio::time::timeout(FAREWELL, to.write_all(&outgoing))
+        .await
+        .unwrap_or(Ok(()))
 }

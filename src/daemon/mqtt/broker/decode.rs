@@ -1,7 +1,8 @@
 //! Decodes packets of clients strictly: what the specification forbids is an error.
 
 use super::packet::{
-    Connect, Expiry, Fault, Incoming, Message, Options, Qos, Refusal, RetainHandling, Wanted, Will, reason,
+    Connect, Expiry, Fault, Incoming, Message, Options, Qos, Refusal, RetainHandling, Wanted, Will,
+    reason,
 };
 use super::properties::{self, Properties};
 use super::reader::Reader;
@@ -24,7 +25,9 @@ pub fn connect(first: u8, body: &[u8], packet_max: usize) -> Result<Connect, Ref
 
 fn version(first: u8, reader: &mut Reader<'_>) -> Result<Version, Refusal> {
     if first != CONNECT << 4 {
-        return Err(Refusal::Silent(Fault::protocol("the first packet is not CONNECT")));
+        return Err(Refusal::Silent(Fault::protocol(
+            "the first packet is not CONNECT",
+        )));
     }
     let name = reader.text().map_err(Refusal::Silent)?;
     let level = reader.byte().map_err(Refusal::Silent)?;
@@ -38,26 +41,43 @@ fn version(first: u8, reader: &mut Reader<'_>) -> Result<Version, Refusal> {
     }
 }
 
-fn rest_of_connect(version: Version, reader: &mut Reader<'_>, packet_max: usize) -> Result<Connect, Fault> {
+fn rest_of_connect(
+    version: Version,
+    reader: &mut Reader<'_>,
+    packet_max: usize,
+) -> Result<Connect, Fault> {
     let flags = Flags(reader.byte()?);
     flags.check(version)?;
     let keep_alive = Duration::from_secs(u64::from(reader.two()?));
     let properties = properties_of(version, reader, properties::OF_CONNECT)?;
     if properties.has(properties::AUTHENTICATION_METHOD) {
-        return Err(Fault { reason: reason::BAD_AUTHENTICATION_METHOD, why: "enhanced authentication" });
+        return Err(Fault {
+            reason: reason::BAD_AUTHENTICATION_METHOD,
+            why: "enhanced authentication",
+        });
     }
-    let receive_maximum = properties.number(properties::RECEIVE_MAXIMUM).unwrap_or(u32::from(u16::MAX));
-    let packet_maximum = properties.number(properties::PACKET_MAXIMUM).map_or(packet_max, |it| it as usize);
+    let receive_maximum = properties
+        .number(properties::RECEIVE_MAXIMUM)
+        .unwrap_or(u32::from(u16::MAX));
+    let packet_maximum = properties
+        .number(properties::PACKET_MAXIMUM)
+        .map_or(packet_max, |it| it as usize);
     if receive_maximum == 0 || packet_maximum == 0 {
         return Err(Fault::protocol("a maximum of 0"));
     }
     let expiry = match version {
         Version::V4 if flags.is(0x02) => Expiry::AT_ONCE,
         Version::V4 => Expiry::Never,
-        Version::V5 => Expiry::from_seconds(properties.number(properties::SESSION_EXPIRY).unwrap_or(0)),
+        Version::V5 => {
+            Expiry::from_seconds(properties.number(properties::SESSION_EXPIRY).unwrap_or(0))
+        }
     };
     let client = reader.text()?.to_owned();
-    let will = if flags.is(0x04) { Some(will(version, flags, reader)?) } else { None };
+    let will = if flags.is(0x04) {
+        Some(will(version, flags, reader)?)
+    } else {
+        None
+    };
     // Any client may connect; user name and password only have to be well-formed.
     if flags.is(0x80) {
         reader.text()?;
@@ -104,7 +124,10 @@ fn will(version: Version, flags: Flags, reader: &mut Reader<'_>) -> Result<Will,
     let topic = reader.text()?;
     let payload = reader.binary()?;
     let message = message(topic, payload, qos, flags.is(0x20), properties)?;
-    Ok(Will { message, delay: Duration::from_secs(u64::from(delay)) })
+    Ok(Will {
+        message,
+        delay: Duration::from_secs(u64::from(delay)),
+    })
 }
 
 /// Reads any other packet.
@@ -115,7 +138,10 @@ pub fn packet(first: u8, body: &[u8], version: Version) -> Result<Incoming, Faul
         (4, 0) => Incoming::Acked(ack(&mut reader, version)?.0),
         (5, 0) => {
             let (packet_id, code) = ack(&mut reader, version)?;
-            Incoming::Received { packet_id, is_taken: code < reason::REFUSED }
+            Incoming::Received {
+                packet_id,
+                is_taken: code < reason::REFUSED,
+            }
         }
         (6, 2) => Incoming::Released(ack(&mut reader, version)?.0),
         (7, 0) => Incoming::Completed(ack(&mut reader, version)?.0),
@@ -132,7 +158,11 @@ pub fn packet(first: u8, body: &[u8], version: Version) -> Result<Incoming, Faul
     Ok(packet)
 }
 
-fn properties_of<'a>(version: Version, reader: &mut Reader<'a>, allowed: &[u8]) -> Result<Properties<'a>, Fault> {
+fn properties_of<'a>(
+    version: Version,
+    reader: &mut Reader<'a>,
+    allowed: &[u8],
+) -> Result<Properties<'a>, Fault> {
     match version {
         Version::V4 => Ok(Properties::default()),
         Version::V5 => Properties::read(reader, allowed),
@@ -145,26 +175,54 @@ fn publish(flags: u8, reader: &mut Reader<'_>, version: Version) -> Result<Incom
         return Err(Fault::malformed("a repeat at quality of service 0"));
     }
     let topic = reader.text()?;
-    let packet_id = if qos == Qos::AtMostOnce { None } else { Some(reader.packet_id()?) };
+    let packet_id = if qos == Qos::AtMostOnce {
+        None
+    } else {
+        Some(reader.packet_id()?)
+    };
     let properties = properties_of(version, reader, properties::OF_PUBLISH)?;
     if properties.has(properties::TOPIC_ALIAS) {
-        return Err(Fault { reason: reason::TOPIC_ALIAS_INVALID, why: "a topic alias, and none is allowed" });
+        return Err(Fault {
+            reason: reason::TOPIC_ALIAS_INVALID,
+            why: "a topic alias, and none is allowed",
+        });
     }
     let message = message(topic, reader.rest(), qos, flags & 1 != 0, properties)?;
     Ok(Incoming::Publish { message, packet_id })
 }
 
-fn message(topic: &str, payload: &[u8], qos: Qos, retain: bool, properties: Properties<'_>) -> Result<Message, Fault> {
+fn message(
+    topic: &str,
+    payload: &[u8],
+    qos: Qos,
+    retain: bool,
+    properties: Properties<'_>,
+) -> Result<Message, Fault> {
     if !topic::is_name(topic) {
-        return Err(Fault { reason: reason::TOPIC_INVALID, why: "a topic name that is not valid" });
+        return Err(Fault {
+            reason: reason::TOPIC_INVALID,
+            why: "a topic name that is not valid",
+        });
     }
-    if properties.text(properties::RESPONSE_TOPIC).is_some_and(|it| !topic::is_name(it)) {
+    if properties
+        .text(properties::RESPONSE_TOPIC)
+        .is_some_and(|it| !topic::is_name(it))
+    {
         return Err(Fault::protocol("a response topic that is not valid"));
     }
-    let expiry = properties.number(properties::MESSAGE_EXPIRY).map(|it| Duration::from_secs(u64::from(it)));
+    let expiry = properties
+        .number(properties::MESSAGE_EXPIRY)
+        .map(|it| Duration::from_secs(u64::from(it)));
     let topic = topic.into();
     let payload = payload.to_vec();
-    Ok(Message { topic, payload, qos, retain, expiry, properties: properties.passed_on() })
+    Ok(Message {
+        topic,
+        payload,
+        qos,
+        retain,
+        expiry,
+        properties: properties.passed_on(),
+    })
 }
 
 /// The identifier and the reason of an acknowledgement.
@@ -198,15 +256,24 @@ fn subscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Faul
     Ok(Incoming::Subscribe { packet_id, wanted })
 }
 
-fn one_wanted(filter: &str, options: u8, identifier: Option<u32>, version: Version) -> Result<Wanted, Fault> {
+fn one_wanted(
+    filter: &str,
+    options: u8,
+    identifier: Option<u32>,
+    version: Version,
+) -> Result<Wanted, Fault> {
     let reserved = if version == Version::V4 { 0xFC } else { 0xC0 };
     if options & reserved != 0 {
-        return Err(Fault::malformed("options of a subscription that do not exist"));
+        return Err(Fault::malformed(
+            "options of a subscription that do not exist",
+        ));
     }
     let qos = Qos::new(options & 3).ok_or(Fault::malformed("quality of service 3"))?;
     let no_local = options & 0x04 != 0;
     if no_local && filter.starts_with("$share/") {
-        return Err(Fault::protocol("a shared subscription that leaves out the client's own messages"));
+        return Err(Fault::protocol(
+            "a shared subscription that leaves out the client's own messages",
+        ));
     }
     let retained = match options >> 4 & 3 {
         0 => RetainHandling::Always,
@@ -214,8 +281,17 @@ fn one_wanted(filter: &str, options: u8, identifier: Option<u32>, version: Versi
         2 => RetainHandling::Never,
         _ => return Err(Fault::protocol("retain handling 3")),
     };
-    let options = Options { qos, no_local, as_published: options & 0x08 != 0, identifier };
-    Ok(Wanted { filter: filter.to_owned(), options, retained })
+    let options = Options {
+        qos,
+        no_local,
+        as_published: options & 0x08 != 0,
+        identifier,
+    };
+    Ok(Wanted {
+        filter: filter.to_owned(),
+        options,
+        retained,
+    })
 }
 
 fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
@@ -233,14 +309,22 @@ fn unsubscribe(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fa
 
 fn disconnect(reader: &mut Reader<'_>, version: Version) -> Result<Incoming, Fault> {
     if version == Version::V4 || reader.is_empty() {
-        return Ok(Incoming::Disconnect { with_will: false, expiry: None });
+        return Ok(Incoming::Disconnect {
+            with_will: false,
+            expiry: None,
+        });
     }
     let code = reader.byte()?;
     let mut expiry = None;
     if !reader.is_empty() {
         let properties = Properties::read(reader, properties::OF_DISCONNECT)?;
-        expiry = properties.number(properties::SESSION_EXPIRY).map(Expiry::from_seconds);
+        expiry = properties
+            .number(properties::SESSION_EXPIRY)
+            .map(Expiry::from_seconds);
     }
     // Every reason but the ordinary one leaves the will.
-    Ok(Incoming::Disconnect { with_will: code != reason::SUCCESS, expiry })
+    Ok(Incoming::Disconnect {
+        with_will: code != reason::SUCCESS,
+        expiry,
+    })
 }

@@ -8,13 +8,31 @@ use crate::north::broker::Version;
 /// Appends `packet` to `out`.
 pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
     match packet {
-        Outgoing::ConnAck { session_present, code, assigned } => {
+        Outgoing::ConnAck {
+            session_present,
+            code,
+            assigned,
+        } => {
             conn_ack(*session_present, *code, *assigned, version, out);
         }
-        Outgoing::Publish { message, qos, retain, packet_id, expiry, identifiers } => {
+        Outgoing::Publish {
+            message,
+            qos,
+            retain,
+            packet_id,
+            expiry,
+            identifiers,
+        } => {
             let is_repeat = packet_id.is_some_and(|(_, is_repeat)| is_repeat);
             let flags = u8::from(is_repeat) << 3 | (*qos as u8) << 1 | u8::from(*retain);
-            let head = publish_head(message, *qos, packet_id.map(|it| it.0), *expiry, identifiers, version);
+            let head = publish_head(
+                message,
+                *qos,
+                packet_id.map(|it| it.0),
+                *expiry,
+                identifiers,
+                version,
+            );
             frame(0x30 | flags, &[&head, &message.payload], out);
         }
         Outgoing::Acked(id) => ack(0x40, *id, reason::SUCCESS, version, out),
@@ -23,7 +41,9 @@ pub fn packet(packet: &Outgoing<'_>, version: Version, out: &mut Vec<u8>) {
         Outgoing::Completed(id, code) => ack(0x70, *id, *code, version, out),
         Outgoing::SubAck(id, codes) => frame(0x90, &[&id.to_be_bytes(), none(version), codes], out),
         // 3.1.1 has no codes here.
-        Outgoing::UnsubAck(id, _) if version == Version::V4 => frame(0xB0, &[&id.to_be_bytes()], out),
+        Outgoing::UnsubAck(id, _) if version == Version::V4 => {
+            frame(0xB0, &[&id.to_be_bytes()], out)
+        }
         Outgoing::UnsubAck(id, codes) => frame(0xB0, &[&id.to_be_bytes(), &[0], codes], out),
         Outgoing::Pong => frame(0xD0, &[], out),
         // In 3.1.1 a broker only closes the connection.
@@ -40,7 +60,13 @@ const fn none(version: Version) -> &'static [u8] {
     }
 }
 
-fn conn_ack(session_present: bool, code: u8, assigned: Option<&str>, version: Version, out: &mut Vec<u8>) {
+fn conn_ack(
+    session_present: bool,
+    code: u8,
+    assigned: Option<&str>,
+    version: Version,
+    out: &mut Vec<u8>,
+) {
     let head = [u8::from(session_present), code];
     if version == Version::V4 {
         return frame(0x20, &[&head], out);
@@ -106,7 +132,11 @@ fn disconnect(code: u8, why: &str, out: &mut Vec<u8>) {
 }
 
 fn ack(first: u8, id: u16, code: u8, version: Version, out: &mut Vec<u8>) {
-    let code: &[u8] = if version == Version::V4 || code == reason::SUCCESS { &[] } else { &[code] };
+    let code: &[u8] = if version == Version::V4 || code == reason::SUCCESS {
+        &[]
+    } else {
+        &[code]
+    };
     frame(first, &[&id.to_be_bytes(), code], out);
 }
 

@@ -3,7 +3,9 @@
 use super::client_queue::Taking;
 use super::decode;
 use super::encode;
-use super::limits::{CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX};
+use super::limits::{
+    CONNECTIONS_MAX, IN_FLIGHT_MAX, INCOMING_MAX, PACKET_MAX, RETAINED_BYTES_MAX, RETAINED_MAX,
+};
 use super::packet::{Fault, Incoming, Outgoing, Qos, Refusal, reason};
 use super::retained::{Post, Retained};
 use super::session::{Session, SessionId};
@@ -72,12 +74,20 @@ pub(super) struct Connection {
 impl Connection {
     /// Messages at quality of service 2 that it may leave unreleased. 3.1.1 cannot announce a limit.
     fn incoming_max(&self) -> usize {
-        if self.taking.version == Version::V4 { INCOMING_MAX } else { usize::from(IN_FLIGHT_MAX) }
+        if self.taking.version == Version::V4 {
+            INCOMING_MAX
+        } else {
+            usize::from(IN_FLIGHT_MAX)
+        }
     }
 
     /// Sends DISCONNECT, after which the connection is closed.
     pub fn dismiss(&mut self, reason: u8, why: &'static str) {
-        let why = if self.taking.packet_max < FAREWELL_MAX { "" } else { why };
+        let why = if self.taking.packet_max < FAREWELL_MAX {
+            ""
+        } else {
+            why
+        };
         self.reply(&Outgoing::Disconnect(reason, why));
         self.is_ending = true;
     }
@@ -123,8 +133,11 @@ impl Machine {
         }
         self.number += 1;
         let id = ConnectionId(self.number);
-        let taking =
-            Taking { version: Version::V4, window: usize::from(IN_FLIGHT_MAX), packet_max: PACKET_MAX as usize };
+        let taking = Taking {
+            version: Version::V4,
+            window: usize::from(IN_FLIGHT_MAX),
+            packet_max: PACKET_MAX as usize,
+        };
         let connection = Connection {
             taking,
             session: None,
@@ -141,12 +154,23 @@ impl Machine {
     ///
     /// # Errors
     /// Why the connection is closed. That is done already; the reason is for the log.
-    pub fn received(&mut self, id: ConnectionId, first: u8, body: &[u8], now: MonoTime) -> Result<(), Fault> {
-        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return Ok(()) };
+    pub fn received(
+        &mut self,
+        id: ConnectionId,
+        first: u8,
+        body: &[u8],
+        now: MonoTime,
+    ) -> Result<(), Fault> {
+        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else {
+            return Ok(());
+        };
         connection.heard = now;
         let version = connection.taking.version;
-        let Some(session) = connection.session else { return self.received_first(id, first, body, now) };
-        let done = decode::packet(first, body, version).and_then(|packet| self.handle(id, session, packet, now));
+        let Some(session) = connection.session else {
+            return self.received_first(id, first, body, now);
+        };
+        let done = decode::packet(first, body, version)
+            .and_then(|packet| self.handle(id, session, packet, now));
         if let Err(fault) = done {
             self.fail(id, fault, now);
         }
@@ -155,7 +179,9 @@ impl Machine {
 
     /// Handles bytes that are not a packet.
     pub fn fail(&mut self, id: ConnectionId, fault: Fault, now: MonoTime) {
-        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else { return };
+        let Some(connection) = self.connections.get_mut(&id).filter(|it| !it.is_ending) else {
+            return;
+        };
         connection.is_ending = true;
         self.woken.insert(id);
         if let Some(session) = connection.session.take() {
@@ -173,10 +199,18 @@ impl Machine {
 
     /// Appends bytes to be sent to `out`, up to a limit; the next call returns more.
     pub fn hand_over(&mut self, id: ConnectionId, now: MonoTime, out: &mut Vec<u8>) {
-        let Some(connection) = self.connections.get_mut(&id) else { return };
+        let Some(connection) = self.connections.get_mut(&id) else {
+            return;
+        };
         out.append(&mut connection.replies);
-        let Some(session) = connection.session.and_then(|it| self.sessions.get_mut(&it)) else { return };
-        while out.len() < HANDED_OVER && session.queue.next(connection.taking, &self.retained, now, out) {}
+        let Some(session) = connection.session.and_then(|it| self.sessions.get_mut(&it)) else {
+            return;
+        };
+        while out.len() < HANDED_OVER
+            && session
+                .queue
+                .next(connection.taking, &self.retained, now, out)
+        {}
     }
 
     /// Whether the connection is to be closed, once all is sent.
@@ -186,7 +220,9 @@ impl Machine {
 
     /// Whether more may be read from it: a client that does not read its answers has to wait.
     pub fn may_say_more(&self, id: ConnectionId) -> bool {
-        self.connections.get(&id).is_some_and(|it| it.replies.len() < REPLIES_MAX)
+        self.connections
+            .get(&id)
+            .is_some_and(|it| it.replies.len() < REPLIES_MAX)
     }
 
     /// Handles timeouts: silent clients, due wills and expired sessions.
@@ -194,10 +230,22 @@ impl Machine {
         if now.since(std::mem::replace(&mut self.ticked, now)) >= STALL {
             self.connections.values_mut().for_each(|it| it.heard = now);
         }
-        let is_silent = |it: &Connection| it.silence_max.is_some_and(|max| now.since(it.heard) >= max);
-        let silent = self.connections.iter().filter(|(_, it)| is_silent(it)).map(|(id, _)| *id);
+        let is_silent =
+            |it: &Connection| it.silence_max.is_some_and(|max| now.since(it.heard) >= max);
+        let silent = self
+            .connections
+            .iter()
+            .filter(|(_, it)| is_silent(it))
+            .map(|(id, _)| *id);
         for id in silent.collect::<Vec<_>>() {
-            self.fail(id, Fault { reason: reason::KEEP_ALIVE_TIMEOUT, why: "silence" }, now);
+            self.fail(
+                id,
+                Fault {
+                    reason: reason::KEEP_ALIVE_TIMEOUT,
+                    why: "silence",
+                },
+                now,
+            );
         }
         self.let_sessions_pass(now);
         if now.since(self.swept) >= SWEEP {
@@ -220,10 +268,19 @@ impl Machine {
                 *dropped.entry(Arc::clone(&session.client)).or_default() += count;
             }
         }
-        Report { dropped, not_kept: std::mem::take(&mut self.not_kept) }
+        Report {
+            dropped,
+            not_kept: std::mem::take(&mut self.not_kept),
+        }
     }
 
-    fn received_first(&mut self, id: ConnectionId, first: u8, body: &[u8], now: MonoTime) -> Result<(), Fault> {
+    fn received_first(
+        &mut self,
+        id: ConnectionId,
+        first: u8,
+        body: &[u8],
+        now: MonoTime,
+    ) -> Result<(), Fault> {
         match decode::connect(first, body, PACKET_MAX as usize) {
             Ok(connect) => {
                 self.connect(id, connect, now);
@@ -235,32 +292,61 @@ impl Machine {
             }
             Err(Refusal::Said(version, code)) => {
                 self.refuse(id, version, code);
-                Err(Fault { reason: code, why: "a connection that is refused" })
+                Err(Fault {
+                    reason: code,
+                    why: "a connection that is refused",
+                })
             }
         }
     }
 
-    fn handle(&mut self, id: ConnectionId, session: SessionId, packet: Incoming, now: MonoTime) -> Result<(), Fault> {
+    fn handle(
+        &mut self,
+        id: ConnectionId,
+        session: SessionId,
+        packet: Incoming,
+        now: MonoTime,
+    ) -> Result<(), Fault> {
         match packet {
             Incoming::Publish { message, packet_id } => {
                 let qos = message.qos;
                 let post = Post::new(message, now);
                 return self.published(id, session, qos, packet_id, &post);
             }
-            Incoming::Subscribe { packet_id, wanted } => self.subscribe(id, session, packet_id, &wanted),
-            Incoming::Unsubscribe { packet_id, filters } => self.unsubscribe(id, session, packet_id, &filters),
+            Incoming::Subscribe { packet_id, wanted } => {
+                self.subscribe(id, session, packet_id, &wanted)
+            }
+            Incoming::Unsubscribe { packet_id, filters } => {
+                self.unsubscribe(id, session, packet_id, &filters)
+            }
             Incoming::Ping => self.reply(id, &Outgoing::Pong),
-            Incoming::Disconnect { with_will, expiry } => return self.leave(id, session, with_will, expiry, now),
+            Incoming::Disconnect { with_will, expiry } => {
+                return self.leave(id, session, with_will, expiry, now);
+            }
             Incoming::Released(packet_id) => {
-                let was_there = self.sessions.get_mut(&session).is_some_and(|it| it.incoming.remove(&packet_id));
-                let code = if was_there { reason::SUCCESS } else { reason::IDENTIFIER_NOT_FOUND };
+                let was_there = self
+                    .sessions
+                    .get_mut(&session)
+                    .is_some_and(|it| it.incoming.remove(&packet_id));
+                let code = if was_there {
+                    reason::SUCCESS
+                } else {
+                    reason::IDENTIFIER_NOT_FOUND
+                };
                 self.reply(id, &Outgoing::Completed(packet_id, code));
             }
             Incoming::Acked(packet_id) => self.queue(session, |queue| queue.acked(packet_id)),
-            Incoming::Completed(packet_id) => self.queue(session, |queue| queue.completed(packet_id)),
-            Incoming::Received { packet_id, is_taken } => {
+            Incoming::Completed(packet_id) => {
+                self.queue(session, |queue| queue.completed(packet_id))
+            }
+            Incoming::Received {
+                packet_id,
+                is_taken,
+            } => {
                 let mut answer = None;
-                self.queue(session, |queue| answer = queue.received(packet_id, is_taken));
+                self.queue(session, |queue| {
+                    answer = queue.received(packet_id, is_taken)
+                });
                 if let Some(code) = answer {
                     self.reply(id, &Outgoing::Released(packet_id, code));
                 }
@@ -280,11 +366,22 @@ impl Machine {
     ) -> Result<(), Fault> {
         match (qos, packet_id) {
             (Qos::ExactlyOnce, Some(packet_id)) => {
-                let Some(incoming) = self.sessions.get_mut(&session).map(|it| &mut it.incoming) else { return Ok(()) };
+                let Some(incoming) = self.sessions.get_mut(&session).map(|it| &mut it.incoming)
+                else {
+                    return Ok(());
+                };
                 let is_new = incoming.insert(packet_id);
-                if incoming.len() > self.connections.get(&id).map_or(0, Connection::incoming_max) {
+                if incoming.len()
+                    > self
+                        .connections
+                        .get(&id)
+                        .map_or(0, Connection::incoming_max)
+                {
                     let why = "receive maximum exceeded";
-                    return Err(Fault { reason: reason::RECEIVE_MAXIMUM_EXCEEDED, why });
+                    return Err(Fault {
+                        reason: reason::RECEIVE_MAXIMUM_EXCEEDED,
+                        why,
+                    });
                 }
                 self.reply(id, &Outgoing::Received(packet_id));
                 if is_new {
@@ -307,7 +404,11 @@ impl Machine {
         }
     }
 
-    fn queue(&mut self, session: SessionId, change: impl FnOnce(&mut super::client_queue::ClientQueue)) {
+    fn queue(
+        &mut self,
+        session: SessionId,
+        change: impl FnOnce(&mut super::client_queue::ClientQueue),
+    ) {
         if let Some(session) = self.sessions.get_mut(&session) {
             change(&mut session.queue);
             self.woken.extend(session.connection);

@@ -42,7 +42,9 @@ const PAUSE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub enum BrokerError {
     /// The address can be reached from elsewhere.
-    #[error("{0} is not a loopback address; this broker asks for no password and listens on this machine only")]
+    #[error(
+        "{0} is not a loopback address; this broker asks for no password and listens on this machine only"
+    )]
     NotLoopback(SocketAddr),
     /// The address cannot be taken.
     #[error("cannot listen on {address}: {error}")]
@@ -72,7 +74,11 @@ pub async fn listen(address: SocketAddr) -> Result<Listening, BrokerError> {
     let refused = |error: io::Error| BrokerError::Listen { address, error };
     let listener = TcpListener::bind(address).await.map_err(refused)?;
     let address = listener.local_addr().map_err(refused)?;
-    Ok(Listening { listener, address, shared: Shared::new() })
+    Ok(Listening {
+        listener,
+        address,
+        shared: Shared::new(),
+    })
 }
 
 impl Listening {
@@ -107,7 +113,9 @@ impl Listening {
     fn welcome(&self, clients: &mut JoinSet<()>, stream: TcpStream, peer: SocketAddr) {
         match self.shared.open() {
             Some(place) => drop(clients.spawn(connection::serve(stream, peer, place))),
-            None => tracing::warn!(%peer, max = CONNECTIONS_MAX, "connection limit reached; closed a new connection"),
+            None => {
+                tracing::warn!(%peer, max = CONNECTIONS_MAX, "connection limit reached; closed a new connection")
+            }
         }
     }
 }

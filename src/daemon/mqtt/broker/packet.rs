@@ -37,12 +37,18 @@ pub struct Fault {
 impl Fault {
     /// The bytes are not a packet.
     pub const fn malformed(why: &'static str) -> Self {
-        Self { reason: reason::MALFORMED, why }
+        Self {
+            reason: reason::MALFORMED,
+            why,
+        }
     }
 
     /// The packet is valid, but not allowed here.
     pub const fn protocol(why: &'static str) -> Self {
-        Self { reason: reason::PROTOCOL_ERROR, why }
+        Self {
+            reason: reason::PROTOCOL_ERROR,
+            why,
+        }
     }
 }
 
@@ -155,7 +161,11 @@ impl Expiry {
 
     /// From the session expiry interval of MQTT 5.
     pub const fn from_seconds(seconds: u32) -> Self {
-        if seconds == u32::MAX { Self::Never } else { Self::After(Duration::from_secs(seconds as u64)) }
+        if seconds == u32::MAX {
+            Self::Never
+        } else {
+            Self::After(Duration::from_secs(seconds as u64))
+        }
     }
 }
 

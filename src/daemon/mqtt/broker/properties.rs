@@ -36,11 +36,25 @@ pub const OF_CONNECT: &[u8] = &[
     PACKET_MAXIMUM,
 ];
 /// What a will may have.
-pub const OF_WILL: &[u8] =
-    &[PAYLOAD_FORMAT, MESSAGE_EXPIRY, CONTENT_TYPE, RESPONSE_TOPIC, CORRELATION_DATA, WILL_DELAY, USER_PROPERTY];
+pub const OF_WILL: &[u8] = &[
+    PAYLOAD_FORMAT,
+    MESSAGE_EXPIRY,
+    CONTENT_TYPE,
+    RESPONSE_TOPIC,
+    CORRELATION_DATA,
+    WILL_DELAY,
+    USER_PROPERTY,
+];
 /// What PUBLISH of a client may have.
-pub const OF_PUBLISH: &[u8] =
-    &[PAYLOAD_FORMAT, MESSAGE_EXPIRY, CONTENT_TYPE, RESPONSE_TOPIC, CORRELATION_DATA, TOPIC_ALIAS, USER_PROPERTY];
+pub const OF_PUBLISH: &[u8] = &[
+    PAYLOAD_FORMAT,
+    MESSAGE_EXPIRY,
+    CONTENT_TYPE,
+    RESPONSE_TOPIC,
+    CORRELATION_DATA,
+    TOPIC_ALIAS,
+    USER_PROPERTY,
+];
 pub const OF_SUBSCRIBE: &[u8] = &[SUBSCRIPTION_IDENTIFIER, USER_PROPERTY];
 pub const OF_UNSUBSCRIBE: &[u8] = &[USER_PROPERTY];
 /// What acknowledgements may have.
@@ -49,7 +63,13 @@ pub const OF_ACK: &[u8] = &[REASON_STRING, USER_PROPERTY];
 pub const OF_DISCONNECT: &[u8] = &[SESSION_EXPIRY, REASON_STRING, USER_PROPERTY];
 
 /// Properties that receivers get unchanged.
-const PASSED_ON: &[u8] = &[PAYLOAD_FORMAT, CONTENT_TYPE, RESPONSE_TOPIC, CORRELATION_DATA, USER_PROPERTY];
+const PASSED_ON: &[u8] = &[
+    PAYLOAD_FORMAT,
+    CONTENT_TYPE,
+    RESPONSE_TOPIC,
+    CORRELATION_DATA,
+    USER_PROPERTY,
+];
 
 /// The value of a property, as far as this broker needs it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +107,9 @@ impl<'a> Properties<'a> {
                 properties.found.push((name, value));
             }
             if PASSED_ON.contains(&name) {
-                properties.passed_on.extend_from_slice(&begin[..begin.len() - reader.rest().len()]);
+                properties
+                    .passed_on
+                    .extend_from_slice(&begin[..begin.len() - reader.rest().len()]);
             }
         }
         Ok(properties)

@@ -26,12 +26,18 @@ impl<'a> Reader<'a> {
 
     /// Returns an error if bytes remain.
     pub const fn end(&self) -> Result<(), Fault> {
-        if self.rest.is_empty() { Ok(()) } else { Err(Fault::malformed("bytes after the end of a packet")) }
+        if self.rest.is_empty() {
+            Ok(())
+        } else {
+            Err(Fault::malformed("bytes after the end of a packet"))
+        }
     }
 
     /// The next `count` bytes alone.
     pub fn take(&mut self, count: usize) -> Result<Self, Fault> {
-        Ok(Self { rest: self.bytes(count)? })
+        Ok(Self {
+            rest: self.bytes(count)?,
+        })
     }
 
     pub fn byte(&mut self) -> Result<u8, Fault> {
@@ -75,8 +81,13 @@ impl<'a> Reader<'a> {
 
     /// Text with a length prefix.
     pub fn text(&mut self) -> Result<&'a str, Fault> {
-        let text = str::from_utf8(self.binary()?).map_err(|_| Fault::malformed("text that is not UTF-8"))?;
-        if text.contains('\0') { Err(Fault::malformed("text with a NUL in it")) } else { Ok(text) }
+        let text = str::from_utf8(self.binary()?)
+            .map_err(|_| Fault::malformed("text that is not UTF-8"))?;
+        if text.contains('\0') {
+            Err(Fault::malformed("text with a NUL in it"))
+        } else {
+            Ok(text)
+        }
     }
 
     fn bytes(&mut self, count: usize) -> Result<&'a [u8], Fault> {
@@ -97,14 +108,25 @@ pub struct Frame {
 /// The packet with which `bytes` begin; `None` if it is incomplete. One longer than `max` bytes is an error even if
 /// incomplete.
 pub fn frame(bytes: &[u8], max: usize) -> Result<Option<Frame>, Fault> {
-    let Some((first, after)) = bytes.split_first() else { return Ok(None) };
-    let Some((length, count)) = variable(after)? else { return Ok(None) };
+    let Some((first, after)) = bytes.split_first() else {
+        return Ok(None);
+    };
+    let Some((length, count)) = variable(after)? else {
+        return Ok(None);
+    };
     let body = 1 + count;
     let end = body + length as usize;
     if end > max {
-        return Err(Fault { reason: reason::PACKET_TOO_LARGE, why: "a packet that is too large" });
+        return Err(Fault {
+            reason: reason::PACKET_TOO_LARGE,
+            why: "a packet that is too large",
+        });
     }
-    Ok((bytes.len() >= end).then_some(Frame { first: *first, body, end }))
+    Ok((bytes.len() >= end).then_some(Frame {
+        first: *first,
+        body,
+        end,
+    }))
 }
 
 /// The number with which `bytes` begin, and its length; `None` if it is incomplete.
@@ -122,7 +144,11 @@ fn variable(bytes: &[u8]) -> Result<Option<(u32, usize)>, Fault> {
             };
         }
     }
-    if bytes.len() < 4 { Ok(None) } else { Err(Fault::malformed("a length of more than four bytes")) }
+    if bytes.len() < 4 {
+        Ok(None)
+    } else {
+        Err(Fault::malformed("a length of more than four bytes"))
+    }
 }
 
 #[cfg(test)]
@@ -134,26 +160,61 @@ mod tests {
         assert_eq!(frame(&[], 100), Ok(None));
         assert_eq!(frame(&[0x30], 100), Ok(None));
         assert_eq!(frame(&[0x30, 2, 0], 100), Ok(None));
-        assert_eq!(frame(&[0x30, 2, 0, 0, 9], 100), Ok(Some(Frame { first: 0x30, body: 2, end: 4 })));
+        assert_eq!(
+            frame(&[0x30, 2, 0, 0, 9], 100),
+            Ok(Some(Frame {
+                first: 0x30,
+                body: 2,
+                end: 4
+            }))
+        );
         assert_eq!(frame(&[0x30, 0x80], 1000), Ok(None));
         let long = [&[0x30, 0x80, 1][..], &[0; 128]].concat();
-        assert_eq!(frame(&long, 1000), Ok(Some(Frame { first: 0x30, body: 3, end: 131 })));
+        assert_eq!(
+            frame(&long, 1000),
+            Ok(Some(Frame {
+                first: 0x30,
+                body: 3,
+                end: 131
+            }))
+        );
     }
 
     #[test]
     fn a_packet_that_is_too_large_is_refused_before_it_has_come() {
-        assert_eq!(frame(&[0x30, 99], 100).map_err(|it| it.reason), Err(reason::PACKET_TOO_LARGE));
+        assert_eq!(
+            frame(&[0x30, 99], 100).map_err(|it| it.reason),
+            Err(reason::PACKET_TOO_LARGE)
+        );
         assert!(frame(&[0x30, 98], 100).is_ok());
-        for lengths in [&[0x30, 0x80, 0x80, 0x80, 0x80][..], &[0x30, 0xFF, 0xFF, 0xFF, 0xFF], &[0x30, 0x80, 0]] {
-            assert_eq!(frame(lengths, 100).map_err(|it| it.reason), Err(reason::MALFORMED), "{lengths:?}");
+        for lengths in [
+            &[0x30, 0x80, 0x80, 0x80, 0x80][..],
+            &[0x30, 0xFF, 0xFF, 0xFF, 0xFF],
+            &[0x30, 0x80, 0],
+        ] {
+            assert_eq!(
+                frame(lengths, 100).map_err(|it| it.reason),
+                Err(reason::MALFORMED),
+                "{lengths:?}"
+            );
         }
     }
 
     #[test]
     fn a_text_is_utf_8_without_nul() {
         assert_eq!(Reader::new(&[0, 2, b'a', b'b', 7]).text(), Ok("ab"));
-        for wrong in [&[0, 1][..], &[0], &[0, 1, 0], &[0, 1, 0xFF], &[0, 3, 0xED, 0xA0, 0x80]] {
-            assert_eq!(Reader::new(wrong).text().map_err(|it| it.reason), Err(reason::MALFORMED), "{wrong:?}");
+        for wrong in [
+            &[0, 1][..],
+            &[0],
+            &[0, 1, 0],
+            &[0, 1, 0xFF],
+            &[0, 3, 0xED, 0xA0, 0x80],
+        ] {
+            assert_eq!(
+                Reader::new(wrong).text().map_err(|it| it.reason),
+                Err(reason::MALFORMED),
+                "{wrong:?}"
+            );
         }
     }
 }

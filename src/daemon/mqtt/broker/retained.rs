@@ -19,7 +19,10 @@ impl Post {
     /// `message`, published at `now`.
     pub fn new(message: Message, now: MonoTime) -> Self {
         let expires = message.expiry.map(|span| now + span);
-        Self { message: Arc::new(message), expires }
+        Self {
+            message: Arc::new(message),
+            expires,
+        }
     }
 
     /// Whether it has expired.
@@ -47,7 +50,13 @@ pub struct Retained {
 
 impl Retained {
     pub const fn new(count_max: usize, bytes_max: usize) -> Self {
-        Self { kept: BTreeMap::new(), bytes: 0, count_max, bytes_max, number: 0 }
+        Self {
+            kept: BTreeMap::new(),
+            bytes: 0,
+            count_max,
+            bytes_max,
+            number: 0,
+        }
     }
 
     /// Keeps `post` in place of the earlier message of its topic; one without a payload only removes that. Returns
@@ -63,7 +72,8 @@ impl Retained {
         }
         self.bytes += weight;
         self.number += 1;
-        self.kept.insert(Arc::clone(&post.message.topic), (post.clone(), self.number));
+        self.kept
+            .insert(Arc::clone(&post.message.topic), (post.clone(), self.number));
         true
     }
 
@@ -73,7 +83,13 @@ impl Retained {
     }
 
     /// The next message for `filter` after the topic `after`, of those that existed at `number`.
-    pub fn next(&self, filter: &str, after: Option<&Arc<str>>, number: u64, now: MonoTime) -> Option<&Post> {
+    pub fn next(
+        &self,
+        filter: &str,
+        after: Option<&Arc<str>>,
+        number: u64,
+        now: MonoTime,
+    ) -> Option<&Post> {
         let literal = topic::literal(filter);
         let from = match after {
             Some(topic) => Bound::Excluded(&**topic),
@@ -84,13 +100,16 @@ impl Retained {
         let fits = |topic: &str, post: &Post, kept_as: u64| {
             kept_as <= number && !post.is_expired(now) && topic::matches(filter, topic)
         };
-        here.find(|(topic, (post, kept_as))| fits(topic, post, *kept_as)).map(|(_, (post, _))| post)
+        here.find(|(topic, (post, kept_as))| fits(topic, post, *kept_as))
+            .map(|(_, (post, _))| post)
     }
 
     /// Removes expired messages.
     pub fn sweep(&mut self, now: MonoTime) {
         let over = self.kept.values().filter(|(post, _)| post.is_expired(now));
-        let over: Vec<Arc<str>> = over.map(|(post, _)| Arc::clone(&post.message.topic)).collect();
+        let over: Vec<Arc<str>> = over
+            .map(|(post, _)| Arc::clone(&post.message.topic))
+            .collect();
         for topic in over {
             self.remove(&topic);
         }
@@ -145,7 +164,11 @@ mod tests {
         let number = retained.number();
         retained.set(&post("a/b", "newer", None));
         retained.set(&post("a", "", None));
-        assert_eq!(topics(&retained, "a/#", number, MonoTime::ZERO), ["a/b/c"], "what came later comes live");
+        assert_eq!(
+            topics(&retained, "a/#", number, MonoTime::ZERO),
+            ["a/b/c"],
+            "what came later comes live"
+        );
     }
 
     #[test]
@@ -154,13 +177,25 @@ mod tests {
         assert!(retained.set(&post("a", "x", Some(10))) && retained.set(&post("b", "x", None)));
         assert!(!retained.set(&post("c", "x", None)), "no room");
         assert!(retained.set(&post("b", "y", None)), "in its own place");
-        assert!(!retained.set(&post("b", &"y".repeat(1_000), None)), "too many bytes");
+        assert!(
+            !retained.set(&post("b", &"y".repeat(1_000), None)),
+            "too many bytes"
+        );
         assert!(retained.set(&post("b", "y", None)));
         let later = MonoTime::from_millis(10_000);
         assert_eq!(topics(&retained, "#", u64::MAX, later), ["b"]);
         retained.sweep(later);
-        assert!(retained.set(&post("c", "x", None)), "the place of what is over is free");
-        assert_eq!(post("a", "x", Some(10)).seconds_left(MonoTime::from_millis(1)), Some(10));
-        assert_eq!(post("a", "x", Some(10)).seconds_left(MonoTime::from_millis(9_999)), Some(1));
+        assert!(
+            retained.set(&post("c", "x", None)),
+            "the place of what is over is free"
+        );
+        assert_eq!(
+            post("a", "x", Some(10)).seconds_left(MonoTime::from_millis(1)),
+            Some(10)
+        );
+        assert_eq!(
+            post("a", "x", Some(10)).seconds_left(MonoTime::from_millis(9_999)),
+            Some(1)
+        );
     }
 }

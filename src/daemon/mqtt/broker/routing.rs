@@ -12,19 +12,40 @@ use crate::north::broker::Version;
 use std::collections::BTreeMap;
 
 impl Machine {
-    pub(super) fn subscribe(&mut self, id: ConnectionId, session: SessionId, packet_id: u16, wanted: &[Wanted]) {
-        let Some(connection) = self.connections.get(&id) else { return };
+    pub(super) fn subscribe(
+        &mut self,
+        id: ConnectionId,
+        session: SessionId,
+        packet_id: u16,
+        wanted: &[Wanted],
+    ) {
+        let Some(connection) = self.connections.get(&id) else {
+            return;
+        };
         let version = connection.taking.version;
-        let codes: Vec<u8> = wanted.iter().map(|it| self.subscribe_one(session, it)).collect();
+        let codes: Vec<u8> = wanted
+            .iter()
+            .map(|it| self.subscribe_one(session, it))
+            .collect();
         // 3.1.1 has a single code to refuse.
-        let said = |code: u8| if version == Version::V4 { code.min(reason::REFUSED) } else { code };
+        let said = |code: u8| {
+            if version == Version::V4 {
+                code.min(reason::REFUSED)
+            } else {
+                code
+            }
+        };
         let codes: Vec<u8> = codes.into_iter().map(said).collect();
         self.reply(id, &Outgoing::SubAck(packet_id, &codes));
     }
 
     fn subscribe_one(&mut self, id: SessionId, wanted: &Wanted) -> u8 {
-        let Some(filter) = Filter::new(&wanted.filter) else { return reason::FILTER_INVALID };
-        let Some(session) = self.sessions.get_mut(&id) else { return reason::REFUSED };
+        let Some(filter) = Filter::new(&wanted.filter) else {
+            return reason::FILTER_INVALID;
+        };
+        let Some(session) = self.sessions.get_mut(&id) else {
+            return reason::REFUSED;
+        };
         if session.filters.len() >= SUBSCRIPTIONS_MAX && !session.filters.contains(&wanted.filter) {
             return reason::QUOTA_EXCEEDED;
         }
@@ -36,23 +57,40 @@ impl Machine {
             RetainHandling::Never => false,
         };
         if wants_retained && filter.group.is_none() {
-            session.queue.ask(&wanted.filter, wanted.options, &self.retained);
+            session
+                .queue
+                .ask(&wanted.filter, wanted.options, &self.retained);
         }
         wanted.options.qos as u8
     }
 
-    pub(super) fn unsubscribe(&mut self, id: ConnectionId, session: SessionId, packet_id: u16, filters: &[String]) {
-        let codes: Vec<u8> = filters.iter().map(|it| self.unsubscribe_one(session, it)).collect();
+    pub(super) fn unsubscribe(
+        &mut self,
+        id: ConnectionId,
+        session: SessionId,
+        packet_id: u16,
+        filters: &[String],
+    ) {
+        let codes: Vec<u8> = filters
+            .iter()
+            .map(|it| self.unsubscribe_one(session, it))
+            .collect();
         self.reply(id, &Outgoing::UnsubAck(packet_id, &codes));
     }
 
     fn unsubscribe_one(&mut self, id: SessionId, text: &str) -> u8 {
-        let Some(filter) = Filter::new(text) else { return reason::FILTER_INVALID };
+        let Some(filter) = Filter::new(text) else {
+            return reason::FILTER_INVALID;
+        };
         if let Some(session) = self.sessions.get_mut(&id) {
             session.filters.remove(text);
             session.queue.forget(text);
         }
-        if self.subscriptions.remove(filter, id) { reason::SUCCESS } else { reason::NO_SUBSCRIPTION_EXISTED }
+        if self.subscriptions.remove(filter, id) {
+            reason::SUCCESS
+        } else {
+            reason::NO_SUBSCRIPTION_EXISTED
+        }
     }
 
     /// Retains `post` if requested, and delivers it to all subscribers. `from` has published it.
@@ -67,7 +105,10 @@ impl Machine {
                 Taker::Each(members) => {
                     for (session, options) in members {
                         if !(options.no_local && from == Some(*session)) {
-                            merge(once.entry(*session).or_insert_with(|| none_of(post)), *options);
+                            merge(
+                                once.entry(*session).or_insert_with(|| none_of(post)),
+                                *options,
+                            );
                         }
                     }
                 }
@@ -82,7 +123,9 @@ impl Machine {
             }
         }
         for (id, delivery) in once.into_iter().chain(shared) {
-            let Some(session) = self.sessions.get_mut(&id) else { continue };
+            let Some(session) = self.sessions.get_mut(&id) else {
+                continue;
+            };
             // Messages at quality of service 0 do not wait for a client without a connection.
             if session.connection.is_some() || delivery.qos != Qos::AtMostOnce {
                 session.queue.add(delivery);
@@ -93,7 +136,12 @@ impl Machine {
 }
 
 fn none_of(post: &Post) -> Delivery {
-    Delivery { post: post.clone(), qos: Qos::AtMostOnce, retain: false, identifiers: Vec::new() }
+    Delivery {
+        post: post.clone(),
+        qos: Qos::AtMostOnce,
+        retain: false,
+        identifiers: Vec::new(),
+    }
 }
 
 /// Merges the options of one more subscription into a message, which a client gets once however many of its filters
@@ -105,11 +153,20 @@ fn merge(delivery: &mut Delivery, options: Options) {
 }
 
 /// The next member; one without a connection only if none has one.
-fn one_of(members: &Members, sessions: &BTreeMap<SessionId, Session>, turn: usize) -> Option<(SessionId, Options)> {
+fn one_of(
+    members: &Members,
+    sessions: &BTreeMap<SessionId, Session>,
+    turn: usize,
+) -> Option<(SessionId, Options)> {
     let is_here = |id: &SessionId| sessions.get(id).is_some_and(|it| it.connection.is_some());
     let here = members.iter().filter(|(id, _)| is_here(id));
     let here: Vec<(SessionId, Options)> = here.map(|(id, options)| (*id, *options)).collect();
-    let all = || members.iter().map(|(id, options)| (*id, *options)).collect();
+    let all = || {
+        members
+            .iter()
+            .map(|(id, options)| (*id, *options))
+            .collect()
+    };
     let those: Vec<(SessionId, Options)> = if here.is_empty() { all() } else { here };
     those.get(turn.checked_rem(those.len())?).copied()
 }

@@ -62,6 +62,8 @@ impl Session {
 
     /// Takes the will if it is due when another connection takes over: a will with a delay is not published then.
     pub fn take_will_at_once(&mut self) -> Option<Will> {
-        self.will.take().filter(|will| self.connection.is_some() && will.delay == Duration::ZERO)
+        self.will
+            .take()
+            .filter(|will| self.connection.is_some() && will.delay == Duration::ZERO)
     }
 }

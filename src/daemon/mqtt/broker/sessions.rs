@@ -20,20 +20,39 @@ impl Machine {
         if (version == Version::V4 && is_nameless && !connect.clean_start)
             || connect.client.len() > CLIENT_IDENTIFIER_MAX
         {
-            let code = if version == Version::V4 { 2 } else { reason::CLIENT_IDENTIFIER_INVALID };
+            let code = if version == Version::V4 {
+                2
+            } else {
+                reason::CLIENT_IDENTIFIER_INVALID
+            };
             return self.refuse(id, version, code);
         }
-        let client = if is_nameless { self.free_identifier() } else { connect.client.as_str().into() };
+        let client = if is_nameless {
+            self.free_identifier()
+        } else {
+            connect.client.as_str().into()
+        };
         let kept = self.take_over(&client, connect.clean_start, now);
         let session_present = kept.is_some();
         let session_id = kept.unwrap_or_else(|| self.begin(Arc::clone(&client), now));
-        let Some(connection) = self.connections.get_mut(&id) else { return };
+        let Some(connection) = self.connections.get_mut(&id) else {
+            return;
+        };
         let window = usize::from(connect.receive_maximum.min(IN_FLIGHT_MAX));
-        connection.taking = Taking { version, window, packet_max: connect.packet_maximum };
+        connection.taking = Taking {
+            version,
+            window,
+            packet_max: connect.packet_maximum,
+        };
         connection.session = Some(session_id);
-        connection.silence_max = (!connect.keep_alive.is_zero()).then(|| connect.keep_alive * 3 / 2);
+        connection.silence_max =
+            (!connect.keep_alive.is_zero()).then(|| connect.keep_alive * 3 / 2);
         let assigned = is_nameless.then_some(&*client);
-        connection.reply(&Outgoing::ConnAck { session_present, code: reason::SUCCESS, assigned });
+        connection.reply(&Outgoing::ConnAck {
+            session_present,
+            code: reason::SUCCESS,
+            assigned,
+        });
         self.woken.insert(id);
         if let Some(session) = self.sessions.get_mut(&session_id) {
             session.connection = Some(id);
@@ -45,9 +64,15 @@ impl Machine {
 
     /// Refuses the connection, and closes it.
     pub(super) fn refuse(&mut self, id: ConnectionId, version: Version, code: u8) {
-        let Some(connection) = self.connections.get_mut(&id) else { return };
+        let Some(connection) = self.connections.get_mut(&id) else {
+            return;
+        };
         connection.taking.version = version;
-        connection.reply(&Outgoing::ConnAck { session_present: false, code, assigned: None });
+        connection.reply(&Outgoing::ConnAck {
+            session_present: false,
+            code,
+            assigned: None,
+        });
         connection.is_ending = true;
         self.woken.insert(id);
     }
@@ -78,7 +103,9 @@ impl Machine {
 
     /// Detaches `session` from its connection, which has ended.
     pub(super) fn detach(&mut self, session: SessionId, with_will: bool, now: MonoTime) {
-        let Some(kept) = self.sessions.get_mut(&session) else { return };
+        let Some(kept) = self.sessions.get_mut(&session) else {
+            return;
+        };
         kept.connection = None;
         kept.gone_at = now;
         kept.queue.end();
@@ -90,14 +117,19 @@ impl Machine {
 
     /// Publishes due wills, and ends expired sessions.
     pub(super) fn let_sessions_pass(&mut self, now: MonoTime) {
-        let away = self.sessions.iter().filter(|(_, it)| it.connection.is_none());
+        let away = self
+            .sessions
+            .iter()
+            .filter(|(_, it)| it.connection.is_none());
         for session in away.map(|(id, _)| *id).collect::<Vec<_>>() {
             self.let_pass(session, now);
         }
     }
 
     fn let_pass(&mut self, id: SessionId, now: MonoTime) {
-        let Some(session) = self.sessions.get_mut(&id) else { return };
+        let Some(session) = self.sessions.get_mut(&id) else {
+            return;
+        };
         let is_over = session.is_over(now);
         let will = session.take_due_will(now);
         self.publish_will(will, id, now);
@@ -108,7 +140,9 @@ impl Machine {
 
     /// Ends a session; its will is published without further delay.
     fn end(&mut self, id: SessionId, now: MonoTime) {
-        let Some(mut session) = self.sessions.remove(&id) else { return };
+        let Some(mut session) = self.sessions.remove(&id) else {
+            return;
+        };
         self.clients.remove(&session.client);
         for filter in session.filters.iter().filter_map(|it| Filter::new(it)) {
             self.subscriptions.remove(filter, id);
@@ -125,9 +159,15 @@ impl Machine {
         let id = *self.clients.get(client)?;
         let session = self.sessions.get_mut(&id)?;
         let other = session.connection;
-        let will = if clean_start { None } else { session.take_will_at_once() };
+        let will = if clean_start {
+            None
+        } else {
+            session.take_will_at_once()
+        };
         session.connection = None;
-        if let Some((other, connection)) = other.and_then(|it| Some((it, self.connections.get_mut(&it)?))) {
+        if let Some((other, connection)) =
+            other.and_then(|it| Some((it, self.connections.get_mut(&it)?)))
+        {
             connection.session = None;
             connection.dismiss(reason::TAKEN_OVER, "another connection of the same client");
             self.woken.insert(other);
@@ -142,7 +182,10 @@ impl Machine {
 
     fn begin(&mut self, client: Arc<str>, now: MonoTime) -> SessionId {
         if self.sessions.len() >= SESSIONS_MAX {
-            let away = self.sessions.iter().filter(|(_, it)| it.connection.is_none());
+            let away = self
+                .sessions
+                .iter()
+                .filter(|(_, it)| it.connection.is_none());
             if let Some(oldest) = away.min_by_key(|(_, it)| it.gone_at).map(|(id, _)| *id) {
                 self.end(oldest, now);
             }

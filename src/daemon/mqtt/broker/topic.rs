@@ -35,7 +35,10 @@ fn is_filter(text: &str) -> bool {
     let mut levels = text.split('/').rev();
     let last = levels.next().unwrap_or_default();
     let is_level = |level: &str| level == "+" || !level.contains(['+', '#']);
-    !text.is_empty() && text.split('/').count() <= LEVELS_MAX && (last == "#" || is_level(last)) && levels.all(is_level)
+    !text.is_empty()
+        && text.split('/').count() <= LEVELS_MAX
+        && (last == "#" || is_level(last))
+        && levels.all(is_level)
 }
 
 /// Whether `topic` matches `filter`. Wildcards at the beginning do not match topics that begin with `$`.
@@ -60,7 +63,11 @@ pub fn matches(filter: &str, topic: &str) -> bool {
 pub fn literal(filter: &str) -> &str {
     let literal = filter.find(['+', '#']).map_or(filter, |at| &filter[..at]);
     // `a/#` also matches `a`.
-    if filter.ends_with('#') { literal.strip_suffix('/').unwrap_or(literal) } else { literal }
+    if filter.ends_with('#') {
+        literal.strip_suffix('/').unwrap_or(literal)
+    } else {
+        literal
+    }
 }
 
 #[cfg(test)]
@@ -70,8 +77,16 @@ mod tests {
     /// Filter, topic, whether they match: the examples of the specification, and others.
     pub const MATCHES: &[(&str, &str, bool)] = &[
         ("sport/tennis/player1/#", "sport/tennis/player1", true),
-        ("sport/tennis/player1/#", "sport/tennis/player1/ranking", true),
-        ("sport/tennis/player1/#", "sport/tennis/player1/score/wimbledon", true),
+        (
+            "sport/tennis/player1/#",
+            "sport/tennis/player1/ranking",
+            true,
+        ),
+        (
+            "sport/tennis/player1/#",
+            "sport/tennis/player1/score/wimbledon",
+            true,
+        ),
         ("sport/#", "sport", true),
         ("sport/#", "sports", false),
         ("#", "a/b", true),
@@ -100,19 +115,46 @@ mod tests {
     fn filters_match_as_the_specification_says() {
         for (filter, topic, expected) in MATCHES {
             assert_eq!(matches(filter, topic), *expected, "{filter} {topic}");
-            assert!(!expected || topic.starts_with(literal(filter)), "{filter} {topic}");
+            assert!(
+                !expected || topic.starts_with(literal(filter)),
+                "{filter} {topic}"
+            );
         }
     }
 
     #[test]
     fn wrong_filters_and_names_are_refused() {
-        for wrong in ["", "a#", "a/#/b", "a+", "a/+b/c", "##", "$share", "$share/g", "$share//a", "$share/g+/a"] {
+        for wrong in [
+            "",
+            "a#",
+            "a/#/b",
+            "a+",
+            "a/+b/c",
+            "##",
+            "$share",
+            "$share/g",
+            "$share//a",
+            "$share/g+/a",
+        ] {
             assert_eq!(Filter::new(wrong), None, "{wrong}");
         }
         assert_eq!(Filter::new("$share/g/"), None);
-        assert_eq!(Filter::new("$share/g/a/#"), Some(Filter { group: Some("g"), levels: "a/#" }));
+        assert_eq!(
+            Filter::new("$share/g/a/#"),
+            Some(Filter {
+                group: Some("g"),
+                levels: "a/#"
+            })
+        );
         for right in ["/", "+", "#", "a/+/+/#", "$SYS/#", "a b", "//"] {
-            assert_eq!(Filter::new(right), Some(Filter { group: None, levels: right }), "{right}");
+            assert_eq!(
+                Filter::new(right),
+                Some(Filter {
+                    group: None,
+                    levels: right
+                }),
+                "{right}"
+            );
         }
         assert!(Filter::new(&"/".repeat(LEVELS_MAX - 1)).is_some());
         assert_eq!(Filter::new(&"/".repeat(LEVELS_MAX)), None);

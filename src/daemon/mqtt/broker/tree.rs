@@ -44,7 +44,12 @@ impl Tree {
 
     /// Ends a subscription; returns whether there was one.
     pub fn remove(&mut self, filter: Filter<'_>, session: SessionId) -> bool {
-        remove(&mut self.root, filter.levels.split('/'), filter.group, session)
+        remove(
+            &mut self.root,
+            filter.levels.split('/'),
+            filter.group,
+            session,
+        )
     }
 
     /// The receivers whose filters match `topic`.
@@ -61,7 +66,12 @@ impl Tree {
                 node.add_to(&mut found);
                 continue;
             };
-            open.extend(node.below.get("+").filter(|_| has_wildcards).map(|it| (it, depth + 1)));
+            open.extend(
+                node.below
+                    .get("+")
+                    .filter(|_| has_wildcards)
+                    .map(|it| (it, depth + 1)),
+            );
             open.extend(node.below.get(*level).map(|it| (it, depth + 1)));
         }
         found
@@ -89,8 +99,12 @@ fn remove<'a>(
     group: Option<&str>,
     session: SessionId,
 ) -> bool {
-    let Some(level) = levels.next() else { return remove_here(node, group, session) };
-    let Some(next) = node.below.get_mut(level) else { return false };
+    let Some(level) = levels.next() else {
+        return remove_here(node, group, session);
+    };
+    let Some(next) = node.below.get_mut(level) else {
+        return false;
+    };
     let is_removed = remove(next, levels, group, session);
     if next.is_empty() {
         node.below.remove(level);
@@ -99,8 +113,12 @@ fn remove<'a>(
 }
 
 fn remove_here(node: &mut Node, group: Option<&str>, session: SessionId) -> bool {
-    let Some(group) = group else { return node.members.remove(&session).is_some() };
-    let Some(members) = node.groups.get_mut(group) else { return false };
+    let Some(group) = group else {
+        return node.members.remove(&session).is_some();
+    };
+    let Some(members) = node.groups.get_mut(group) else {
+        return false;
+    };
     let is_removed = members.remove(&session).is_some();
     if members.is_empty() {
         node.groups.remove(group);
@@ -114,27 +132,51 @@ mod tests {
     use super::super::topic;
     use super::*;
 
-    const OPTIONS: Options = Options { qos: Qos::AtMostOnce, no_local: false, as_published: false, identifier: None };
+    const OPTIONS: Options = Options {
+        qos: Qos::AtMostOnce,
+        no_local: false,
+        as_published: false,
+        identifier: None,
+    };
 
     fn filter(text: &str) -> Filter<'_> {
         Filter::new(text).unwrap()
     }
 
     fn count(tree: &Tree, topic: &str) -> usize {
-        tree.takers(topic).iter().map(|taker| if let Taker::Each(members) = taker { members.len() } else { 1 }).sum()
+        tree.takers(topic)
+            .iter()
+            .map(|taker| {
+                if let Taker::Each(members) = taker {
+                    members.len()
+                } else {
+                    1
+                }
+            })
+            .sum()
     }
 
     #[test]
     fn the_tree_finds_what_each_filter_matches() {
-        let filters = ["a/b", "a/+", "a/#", "#", "+/+", "+", "$SYS/#", "$SYS/+", "/", "/+", "a/+/c", "+/b/#"];
-        let topics = ["a", "a/b", "a/b/c", "/", "$SYS", "$SYS/x", "$SYS/x/y", "b", "a//c", "/x"];
+        let filters = [
+            "a/b", "a/+", "a/#", "#", "+/+", "+", "$SYS/#", "$SYS/+", "/", "/+", "a/+/c", "+/b/#",
+        ];
+        let topics = [
+            "a", "a/b", "a/b/c", "/", "$SYS", "$SYS/x", "$SYS/x/y", "b", "a//c", "/x",
+        ];
         let mut tree = Tree::default();
         for (number, text) in (0..).zip(filters) {
             assert!(tree.insert(filter(text), SessionId(number), OPTIONS));
-            assert!(!tree.insert(filter(text), SessionId(number), OPTIONS), "known");
+            assert!(
+                !tree.insert(filter(text), SessionId(number), OPTIONS),
+                "known"
+            );
         }
         for topic in topics {
-            let expected = filters.iter().filter(|it| topic::matches(it, topic)).count();
+            let expected = filters
+                .iter()
+                .filter(|it| topic::matches(it, topic))
+                .count();
             assert_eq!(count(&tree, topic), expected, "{topic}");
         }
         for (number, text) in (0..).zip(filters) {

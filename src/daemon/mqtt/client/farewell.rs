@@ -19,7 +19,8 @@ impl<T: Protocol> Client<'_, T> {
         if self.link.is_none() {
             return End::Stopped;
         }
-        let mut words: VecDeque<Publication> = self.talk.borrow_mut().farewell(clock::moment()).into();
+        let mut words: VecDeque<Publication> =
+            self.talk.borrow_mut().farewell(clock::moment()).into();
         match timeout(FAREWELL_MAX, self.say(&mut words, events)).await {
             Err(_) => tracing::warn!("broker did not accept the last messages in time"),
             Ok(()) => {
@@ -41,7 +42,8 @@ impl<T: Protocol> Client<'_, T> {
     /// meanwhile are handled as usual.
     async fn say(&mut self, words: &mut VecDeque<Publication>, events: &mut Events) {
         // The library cannot send a DISCONNECT that requests the will. Closing without one does.
-        let is_closed_only = self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
+        let is_closed_only =
+            self.settings.version == Version::V5 && self.talk.borrow().leaves_will();
         let mut has_ended = false;
         while let Some(link) = &mut self.link {
             while link.window.has_room() && !has_ended {
@@ -60,7 +62,9 @@ impl<T: Protocol> Client<'_, T> {
             if has_ended && link.window.is_empty() {
                 return;
             }
-            let Ok(incident) = events.next().await else { return };
+            let Ok(incident) = events.next().await else {
+                return;
+            };
             self.take(incident);
         }
     }

@@ -15,10 +15,15 @@ impl<T: Protocol> Client<'_, T> {
 
     /// The connection is over. Returns why, as far as the size of what was sent on it explains that.
     pub(super) fn judged(&mut self, broken: Broken) -> Broken {
-        let Some(link) = self.link.take() else { return broken };
+        let Some(link) = self.link.take() else {
+            return broken;
+        };
         let largest = link.window.largest_bytes();
         let before = self.limit.most();
-        if !self.limit.ended(broken.cause, largest, link.since.elapsed(), clock::now()) {
+        if !self
+            .limit
+            .ended(broken.cause, largest, link.since.elapsed(), clock::now())
+        {
             return broken;
         }
         if let Some(most) = self.limit.most().filter(|most| Some(*most) != before) {
@@ -30,6 +35,9 @@ impl<T: Protocol> Client<'_, T> {
                 "broker closes the connection behind a packet of this size; larger ones than the limit are not sent"
             );
         }
-        Broken { cause: Cause::TooLarge, ..broken }
+        Broken {
+            cause: Cause::TooLarge,
+            ..broken
+        }
     }
 }

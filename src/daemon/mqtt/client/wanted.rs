@@ -7,17 +7,25 @@ use std::task::Poll;
 
 impl<T: Protocol> Client<'_, T> {
     /// Waits until the talk wants a connection. Returns whether the conversation is to stop instead.
-    pub(super) async fn stops_unwanted<S: Future<Output = ()>>(&mut self, stop: Pin<&mut S>) -> bool {
+    pub(super) async fn stops_unwanted<S: Future<Output = ()>>(
+        &mut self,
+        stop: Pin<&mut S>,
+    ) -> bool {
         let talk = self.talk;
         let is_wanted = || talk.borrow().wants_connection();
         if is_wanted() {
             return false;
         }
-        talk.borrow_mut().lost("on standby: another gateway is active");
+        talk.borrow_mut()
+            .lost("on standby: another gateway is active");
         // That one has the identifier now, as it should.
         talk.borrow_mut().contested(None);
         // It is looked at whenever something has changed, and several times a second.
-        let wanted = pin!(poll_fn(|_| if is_wanted() { Poll::Ready(()) } else { Poll::Pending }));
+        let wanted = pin!(poll_fn(|_| if is_wanted() {
+            Poll::Ready(())
+        } else {
+            Poll::Pending
+        }));
         matches!(self.attend(wanted, None, stop).await, Outcome::Stopped)
     }
 }

@@ -36,8 +36,10 @@ async fn a_refused_publication_is_reported_with_what_it_means() {
             rig.told_at_least(reasons.len() + 2).await
         })
         .await;
-    let mut expected: Vec<_> =
-        (0..).zip(reasons).map(|(token, (_, refusal))| Outcome::Refused(token, refusal)).collect();
+    let mut expected: Vec<_> = (0..)
+        .zip(reasons)
+        .map(|(token, (_, refusal))| Outcome::Refused(token, refusal))
+        .collect();
     expected.push(Outcome::Acknowledged(count));
     assert_eq!(told[1..], expected);
     assert_eq!(rig.counters.refused.get(), count);
@@ -46,7 +48,11 @@ async fn a_refused_publication_is_reported_with_what_it_means() {
 #[tokio::test]
 async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused() {
     for version in VERSIONS {
-        let wild = Publication { qos: Qos::AtLeastOnce, token: Some(3), ..text("a/#", "") };
+        let wild = Publication {
+            qos: Qos::AtLeastOnce,
+            token: Some(3),
+            ..text("a/#", "")
+        };
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![Packet::Publish(wild), with_token(4)]);
         let told = rig.run(&stub, version, async {
@@ -55,7 +61,14 @@ async fn a_publication_with_a_token_that_cannot_be_sent_is_reported_as_refused()
             peer.acknowledge(identifier).await;
             rig.told_at_least(3).await
         });
-        assert_eq!(told.await[1..], [Outcome::Refused(3, Refusal::Never), Outcome::Acknowledged(4)], "{version:?}");
+        assert_eq!(
+            told.await[1..],
+            [
+                Outcome::Refused(3, Refusal::Never),
+                Outcome::Acknowledged(4)
+            ],
+            "{version:?}"
+        );
     }
 }
 
@@ -89,7 +102,11 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
             while count < 20 {
                 let first = open.remove(0);
                 peer.acknowledge(first.identifier).await;
-                open.push(timeout(Duration::from_secs(5), peer.published()).await.expect("the next one"));
+                open.push(
+                    timeout(Duration::from_secs(5), peer.published())
+                        .await
+                        .expect("the next one"),
+                );
                 count += 1;
             }
             for it in open {
@@ -105,7 +122,9 @@ async fn no_more_is_open_than_the_broker_takes_at_once() {
 #[tokio::test]
 async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answered_as_one() {
     for version in VERSIONS {
-        let paths: Vec<_> = (0..30).map(|number| format!("site/building/gateway/drive/+/{number}/set")).collect();
+        let paths: Vec<_> = (0..30)
+            .map(|number| format!("site/building/gateway/drive/+/{number}/set"))
+            .collect();
         let filters = filters(&paths.iter().map(String::as_str).collect::<Vec<_>>());
         let stub = Stub::new(version).await;
         let rig = Rig::greeting(vec![Packet::Subscribe(filters)]);
@@ -116,13 +135,19 @@ async fn a_long_subscription_goes_in_pieces_that_a_small_limit_takes_and_is_answ
                 let subscribe = peer.expect(SUBSCRIBE).await;
                 assert!(subscribe.body.len() < 500, "{}", subscribe.body.len());
                 let here = subscribe.body.windows(4).filter(|at| at == b"/set").count();
-                let codes: Vec<_> = (answered..answered + here).map(|at| if at == 7 { 0x80 } else { 1 }).collect();
+                let codes: Vec<_> = (answered..answered + here)
+                    .map(|at| if at == 7 { 0x80 } else { 1 })
+                    .collect();
                 peer.answer_subscribe(&subscribe, &codes).await;
                 answered += here;
             }
             rig.told_at_least(2).await
         });
         let expected = (0..paths.len()).map(|at| at != 7).collect();
-        assert_eq!(told.await[1..], [Outcome::Subscribed(expected)], "{version:?}");
+        assert_eq!(
+            told.await[1..],
+            [Outcome::Subscribed(expected)],
+            "{version:?}"
+        );
     }
 }

@@ -13,7 +13,10 @@ use std::task::Poll;
 use tokio::io::{AsyncReadExt, duplex};
 
 fn protocol() -> V4 {
-    V4::new(&settings("127.0.0.1:1".parse().unwrap(), Version::V4), text("will", "gone"))
+    V4::new(
+        &settings("127.0.0.1:1".parse().unwrap(), Version::V4),
+        text("will", "gone"),
+    )
 }
 
 fn publish() -> Publish {
@@ -25,7 +28,10 @@ async fn a_write_that_was_dropped_half_way_continues_where_it_was() {
     let (near, mut far) = duplex(16);
     let protocol = protocol();
     let mut wire = Wire::new(Box::new(near));
-    let packet = Mqtt::Publish(Publish { pkid: 1, ..publish() });
+    let packet = Mqtt::Publish(Publish {
+        pkid: 1,
+        ..publish()
+    });
     let mut expected = BytesMut::new();
     protocol.encode(packet.clone(), &mut expected).unwrap();
     wire.put(&protocol, packet).unwrap();
@@ -45,7 +51,10 @@ async fn a_write_that_was_dropped_half_way_continues_where_it_was() {
 fn what_was_not_written_is_not_reported_as_sent() {
     let mut written = protocol();
     written.outgoing(Request::Publish(publish())).unwrap();
-    assert!(matches!(written.next_incident(), Some(Incident::PublicationLeft(1))));
+    assert!(matches!(
+        written.next_incident(),
+        Some(Incident::PublicationLeft(1))
+    ));
 
     let mut broken = protocol();
     broken.outgoing(Request::Publish(publish())).unwrap();

@@ -38,13 +38,20 @@ pub(super) fn all_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Option<Vec<F
 }
 
 /// The requests for the gateway's units in `bytes`, in order, with noise or frames of others between them.
-pub(super) fn requests_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Vec<(Range<usize>, Frame)> {
+pub(super) fn requests_in(
+    bytes: &[u8],
+    is_ours: &dyn Fn(u8) -> bool,
+) -> Vec<(Range<usize>, Frame)> {
     let mut requests = Vec::new();
     let mut start = 0;
     while let Some(rest) = bytes.get(start..)
         && let Some(unit) = rest.first()
     {
-        let length = if is_ours(*unit) { request_adu_bytes(rest) } else { None };
+        let length = if is_ours(*unit) {
+            request_adu_bytes(rest)
+        } else {
+            None
+        };
         match length.and_then(|length| framed(rest, length)) {
             Some((frame, length)) => {
                 requests.push((start..start + length, frame));
@@ -60,7 +67,11 @@ pub(super) fn requests_in(bytes: &[u8], is_ours: &dyn Fn(u8) -> bool) -> Vec<(Ra
 fn reply_to((unit, function): (u8, u8), bytes: &[u8]) -> Option<(Frame, usize)> {
     let answered = *bytes.get(1)?;
     let is_reply = *bytes.first()? == unit && answered & !function::EXCEPTION_BIT == function;
-    if is_reply { framed(bytes, reply_adu_bytes(bytes)?) } else { None }
+    if is_reply {
+        framed(bytes, reply_adu_bytes(bytes)?)
+    } else {
+        None
+    }
 }
 
 /// The sound frame in the first `adu_bytes` of `bytes`.

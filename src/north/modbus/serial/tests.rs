@@ -3,7 +3,12 @@
 use super::*;
 use crate::domain::link::Parity;
 
-const LINK: LinkSettings = LinkSettings { baud: 9600, data_bits: 8, parity: Parity::None, stop_bits: 1 };
+const LINK: LinkSettings = LinkSettings {
+    baud: 9600,
+    data_bits: 8,
+    parity: Parity::None,
+    stop_bits: 1,
+};
 /// 3.5 characters of ten bits at 9600 bit/s.
 const SILENCE_NS: u64 = 3_645_834;
 
@@ -12,7 +17,12 @@ const fn at(us: u64) -> MonoTime {
 }
 
 fn slave(framing: Framing) -> Slave {
-    let settings = SlaveSettings { link: LINK, framing, answer_within: Duration::from_millis(100), is_paced: true };
+    let settings = SlaveSettings {
+        link: LINK,
+        framing,
+        answer_within: Duration::from_millis(100),
+        is_paced: true,
+    };
     Slave::new(settings, at(0))
 }
 
@@ -50,7 +60,10 @@ fn a_request_ends_with_silence_and_is_answered_at_once() {
     let mut slave = slave(Framing::Rtu);
     slave.received(at(10_000), &frame(1, &READ), &ours);
     assert_eq!(slave.next_request(), None, "more bytes may follow");
-    assert_eq!(slave.next_wake(), Some(MonoTime::from_nanos(at(10_000).as_nanos() + SILENCE_NS)));
+    assert_eq!(
+        slave.next_wake(),
+        Some(MonoTime::from_nanos(at(10_000).as_nanos() + SILENCE_NS))
+    );
     slave.tick(at(13_600), &ours);
     assert_eq!(slave.next_request(), None);
     slave.tick(at(13_700), &ours);
@@ -68,8 +81,14 @@ fn a_foreign_request_and_its_reply_in_one_piece_are_foreign() {
     let reads = exchange(&READ, &REPLY);
     let writes = exchange(&WRITE, &WRITE);
     let refused = exchange(&READ, &[0x83, 2]);
-    let foreign = |foreign| SlaveCounters { foreign, ..SlaveCounters::default() };
-    let damaged = SlaveCounters { damaged: 1, ..SlaveCounters::default() };
+    let foreign = |foreign| SlaveCounters {
+        foreign,
+        ..SlaveCounters::default()
+    };
+    let damaged = SlaveCounters {
+        damaged: 1,
+        ..SlaveCounters::default()
+    };
     for (bytes, counters) in [
         (reads.clone(), foreign(2)),
         (writes.clone(), foreign(2)),
@@ -86,33 +105,76 @@ fn a_foreign_request_and_its_reply_in_one_piece_are_foreign() {
         slave.received(at(10_000), &bytes, &ours);
         slave.tick(at(13_700), &ours);
         slave.tick(at(200_000), &ours);
-        assert_eq!((slave.next_request(), slave.next_frame(at(200_000))), (None, None), "{bytes:02X?}");
+        assert_eq!(
+            (slave.next_request(), slave.next_frame(at(200_000))),
+            (None, None),
+            "{bytes:02X?}"
+        );
         assert_eq!(slave.counters(), &counters, "{bytes:02X?}");
     }
     // A request for the gateway right behind them is answered, and one that others follow is not.
     let mut slave = slave(Framing::Rtu);
-    slave.received(at(10_000), &[reads.clone(), frame(1, &READ)].concat(), &ours);
+    slave.received(
+        at(10_000),
+        &[reads.clone(), frame(1, &READ)].concat(),
+        &ours,
+    );
     slave.tick(at(13_700), &ours);
     assert_eq!(slave.next_request().map(|request| request.unit), Some(1));
     slave.received(at(30_000), &[frame(1, &READ), reads].concat(), &ours);
     slave.tick(at(33_700), &ours);
     assert_eq!(slave.next_request(), None);
-    assert_eq!(slave.counters(), &SlaveCounters { requests: 2, foreign: 4, ..SlaveCounters::default() });
+    assert_eq!(
+        slave.counters(),
+        &SlaveCounters {
+            requests: 2,
+            foreign: 4,
+            ..SlaveCounters::default()
+        }
+    );
 }
 
 #[test]
 fn what_is_not_for_the_gateway_gets_no_answer() {
     for (bytes, counters) in [
-        (frame(7, &READ), SlaveCounters { foreign: 1, ..SlaveCounters::default() }),
-        (frame(0, &WRITE), SlaveCounters { broadcasts: 1, ..SlaveCounters::default() }),
-        (vec![1, 3, 0, 0, 0, 1, 0, 0], SlaveCounters { damaged: 1, ..SlaveCounters::default() }),
-        (vec![0xFF], SlaveCounters { damaged: 1, ..SlaveCounters::default() }),
+        (
+            frame(7, &READ),
+            SlaveCounters {
+                foreign: 1,
+                ..SlaveCounters::default()
+            },
+        ),
+        (
+            frame(0, &WRITE),
+            SlaveCounters {
+                broadcasts: 1,
+                ..SlaveCounters::default()
+            },
+        ),
+        (
+            vec![1, 3, 0, 0, 0, 1, 0, 0],
+            SlaveCounters {
+                damaged: 1,
+                ..SlaveCounters::default()
+            },
+        ),
+        (
+            vec![0xFF],
+            SlaveCounters {
+                damaged: 1,
+                ..SlaveCounters::default()
+            },
+        ),
     ] {
         let mut slave = slave(Framing::Rtu);
         slave.received(at(10_000), &bytes, &ours);
         slave.tick(at(50_000), &ours);
         slave.tick(at(200_000), &ours);
-        assert_eq!((slave.next_request(), slave.next_frame(at(200_000))), (None, None), "{bytes:02X?}");
+        assert_eq!(
+            (slave.next_request(), slave.next_frame(at(200_000))),
+            (None, None),
+            "{bytes:02X?}"
+        );
         assert_eq!(slave.counters(), &counters, "{bytes:02X?}");
         slave.received(at(300_000), &frame(1, &READ), &ours);
         slave.tick(at(304_000), &ours);
@@ -131,7 +193,11 @@ fn a_request_behind_noise_and_one_in_pieces_are_taken() {
     slave.received(at(60_000), &whole[..3], &ours);
     slave.received(at(76_000), &whole[3..], &ours);
     slave.tick(at(80_000), &ours);
-    assert_eq!(slave.next_request().map(|it| it.unit), Some(101), "an adapter delivers after 16 ms");
+    assert_eq!(
+        slave.next_request().map(|it| it.unit),
+        Some(101),
+        "an adapter delivers after 16 ms"
+    );
     slave.received(at(200_000), &whole[..3], &ours);
     slave.received(at(221_000), &whole[3..], &ours);
     slave.tick(at(300_000), &ours);
@@ -140,26 +206,51 @@ fn a_request_behind_noise_and_one_in_pieces_are_taken() {
 
 /// Function 06 to the run word, and the bytes that a driver adds which is switched on or off.
 const STOP: [u8; 5] = [6, 0, 0, 0, 0];
-const GLITCHES: [&[u8]; 6] = [&[0], &[0xFF], &[0, 0], &[0xFF, 0], &[0, 0xFF], &[0x55, 0, 0xFF]];
+const GLITCHES: [&[u8]; 6] = [
+    &[0],
+    &[0xFF],
+    &[0, 0],
+    &[0xFF, 0],
+    &[0, 0xFF],
+    &[0x55, 0, 0xFF],
+];
 
 #[test]
 fn a_request_is_taken_with_a_glitch_behind_it_before_it_or_on_both_sides() {
-    let requests: [&[u8]; 4] =
-        [&READ, &STOP, &[0x10, 0, 1, 0, 2, 4, 0, 1, 0, 2], &[0x17, 0, 0, 0, 1, 0, 5, 0, 1, 2, 0, 7]];
-    for (pdu, glitch) in requests.iter().flat_map(|pdu| GLITCHES.map(|glitch| (*pdu, glitch))) {
+    let requests: [&[u8]; 4] = [
+        &READ,
+        &STOP,
+        &[0x10, 0, 1, 0, 2, 4, 0, 1, 0, 2],
+        &[0x17, 0, 0, 0, 1, 0, 5, 0, 1, 2, 0, 7],
+    ];
+    for (pdu, glitch) in requests
+        .iter()
+        .flat_map(|pdu| GLITCHES.map(|glitch| (*pdu, glitch)))
+    {
         let frame = frame(1, pdu);
-        for bytes in [[&frame[..], glitch].concat(), [glitch, &frame].concat(), [glitch, &frame, glitch].concat()] {
+        for bytes in [
+            [&frame[..], glitch].concat(),
+            [glitch, &frame].concat(),
+            [glitch, &frame, glitch].concat(),
+        ] {
             let mut slave = slave(Framing::Rtu);
             slave.received(at(10_000), &bytes, &ours);
             slave.tick(at(13_700), &ours);
             let request = slave.next_request();
-            assert_eq!(request.as_ref().map(|it| it.pdu.as_slice()), Some(pdu), "{bytes:02X?}");
+            assert_eq!(
+                request.as_ref().map(|it| it.pdu.as_slice()),
+                Some(pdu),
+                "{bytes:02X?}"
+            );
             slave.answer(request.unwrap().number, &REPLY);
             assert!(slave.next_frame(at(13_800)).is_some(), "{bytes:02X?}");
             slave.tick(at(60_000), &ours);
             slave.received(at(60_000), &frame, &ours);
             slave.tick(at(63_700), &ours);
-            assert!(slave.next_request().is_some(), "the next one behind {bytes:02X?}");
+            assert!(
+                slave.next_request().is_some(),
+                "the next one behind {bytes:02X?}"
+            );
         }
     }
 }
@@ -183,7 +274,10 @@ fn what_is_longer_than_its_function_says_is_answered_as_it_is() {
     let mut slave = slave(Framing::Rtu);
     slave.received(at(10_000), &long, &ours);
     slave.tick(at(13_700), &ours);
-    assert_eq!(slave.next_request().map(|it| it.pdu), Some(vec![3, 0, 0, 0, 1, 9]));
+    assert_eq!(
+        slave.next_request().map(|it| it.pdu),
+        Some(vec![3, 0, 0, 0, 1, 9])
+    );
 }
 
 #[test]
@@ -211,29 +305,49 @@ fn a_glitch_around_a_text_frame_costs_nothing() {
             slave.received(at(10_000), &bytes, &ours);
             assert!(slave.next_request().is_some(), "{bytes:02X?}");
             slave.received(at(60_000), &request, &ours);
-            assert!(slave.next_request().is_some(), "the next one behind {bytes:02X?}");
+            assert!(
+                slave.next_request().is_some(),
+                "the next one behind {bytes:02X?}"
+            );
         }
     }
 }
 
 #[test]
 fn without_an_answer_an_exception_is_sent_in_time_and_the_answer_never() {
-    for (pdu, code) in [(&READ[..], 6), (&WRITE, 0x0B), (&[4, 0, 0, 0, 1], 6), (&[0x10, 0, 0, 0, 1, 2, 0, 1], 0x0B)] {
+    for (pdu, code) in [
+        (&READ[..], 6),
+        (&WRITE, 0x0B),
+        (&[4, 0, 0, 0, 1], 6),
+        (&[0x10, 0, 0, 0, 1, 2, 0, 1], 0x0B),
+    ] {
         let (mut slave, request) = asked(pdu);
         let due = slave.next_wake().unwrap();
         let end = due + LINK.bytes(5);
         assert!(end <= at(110_000) && end >= at(105_000), "{due:?}");
-        assert_eq!(slave.next_frame(due), Some(frame(1, &[pdu[0] | 0x80, code])));
+        assert_eq!(
+            slave.next_frame(due),
+            Some(frame(1, &[pdu[0] | 0x80, code]))
+        );
         slave.answer(request.number, &REPLY);
         assert_eq!(slave.next_frame(at(160_000)), None);
         slave.received(at(170_000), &frame(1, &READ), &ours);
         slave.tick(at(174_000), &ours);
         let next = slave.next_request().unwrap();
         slave.answer(request.number, &REPLY);
-        assert_eq!(slave.next_frame(at(174_000)), None, "the answer to another question");
+        assert_eq!(
+            slave.next_frame(at(174_000)),
+            None,
+            "the answer to another question"
+        );
         slave.answer(next.number, &REPLY);
         assert_eq!(slave.next_frame(at(174_100)), Some(frame(1, &REPLY)));
-        let counters = SlaveCounters { requests: 2, not_in_time: 1, late: 2, ..SlaveCounters::default() };
+        let counters = SlaveCounters {
+            requests: 2,
+            not_in_time: 1,
+            late: 2,
+            ..SlaveCounters::default()
+        };
         assert_eq!(slave.counters(), &counters);
     }
 }
@@ -244,7 +358,11 @@ fn a_new_frame_ends_the_wait_for_the_answer_before_it() {
     slave.received(at(40_000), &frame(7, &READ), &ours);
     slave.tick(at(44_000), &ours);
     slave.answer(first.number, &REPLY);
-    assert_eq!(slave.next_frame(at(60_000)), None, "the bus is in use by others");
+    assert_eq!(
+        slave.next_frame(at(60_000)),
+        None,
+        "the bus is in use by others"
+    );
     assert_eq!(slave.next_frame(at(200_000)), None);
 }
 
@@ -311,7 +429,11 @@ fn ascii_frames_end_by_their_mark() {
     slave.received(at(500_000), &request[4..], &ours);
     let asked = slave.next_request().unwrap();
     slave.answer(asked.number, &REPLY);
-    assert_eq!(slave.next_frame(at(509_000)), None, "10 ms lie between frames");
+    assert_eq!(
+        slave.next_frame(at(509_000)),
+        None,
+        "10 ms lie between frames"
+    );
     assert_eq!(slave.next_frame(at(510_000)), Some(text(1, &REPLY)));
     let mut spoilt = request.clone();
     spoilt[4] = b'9';
@@ -337,17 +459,33 @@ fn the_least_time_leaves_room_for_silence_and_exception() {
     assert!(least_answer_within(LINK, Framing::Rtu) < Duration::from_millis(20));
     let slow = LinkSettings { baud: 300, ..LINK };
     assert!(least_answer_within(slow, Framing::Rtu) > Duration::from_millis(100));
-    assert_eq!(silence(LinkSettings { baud: 115_200, ..LINK }, Framing::Rtu), SILENCE_FAST);
+    assert_eq!(
+        silence(
+            LinkSettings {
+                baud: 115_200,
+                ..LINK
+            },
+            Framing::Rtu
+        ),
+        SILENCE_FAST
+    );
 }
 
 /// All requests that wait to be taken out, in order.
 fn taken_out(slave: &mut Slave) -> Vec<Vec<u8>> {
-    std::iter::from_fn(|| slave.next_request()).map(|request| request.pdu).collect()
+    std::iter::from_fn(|| slave.next_request())
+        .map(|request| request.pdu)
+        .collect()
 }
 
 #[test]
 fn a_stop_counts_wherever_it_stands_in_a_piece() {
-    let (stop, other, read, foreign) = (frame(1, &STOP), frame(101, &STOP), frame(1, &READ), frame(7, &READ));
+    let (stop, other, read, foreign) = (
+        frame(1, &STOP),
+        frame(101, &STOP),
+        frame(1, &READ),
+        frame(7, &READ),
+    );
     let damaged = [&read[..5], &[0x33, 0x44]].concat();
     for (pieces, stops) in [
         (vec![&stop, &read], 1),
@@ -358,7 +496,16 @@ fn a_stop_counts_wherever_it_stands_in_a_piece() {
         (vec![&damaged, &stop, &damaged], 1),
         (vec![&stop, &foreign, &damaged, &other, &read], 2),
         // A port that was read again after seconds has far more than is kept.
-        ([vec![&stop], vec![&read; 200], vec![&other], vec![&foreign; 200]].concat(), 2),
+        (
+            [
+                vec![&stop],
+                vec![&read; 200],
+                vec![&other],
+                vec![&foreign; 200],
+            ]
+            .concat(),
+            2,
+        ),
     ] {
         let bytes: Vec<u8> = pieces.into_iter().flatten().copied().collect();
         let mut slave = slave(Framing::Rtu);
@@ -367,10 +514,17 @@ fn a_stop_counts_wherever_it_stands_in_a_piece() {
         }
         slave.tick(at(13_700), &ours);
         slave.tick(at(60_000), &ours);
-        let found = taken_out(&mut slave).iter().filter(|pdu| pdu[..] == STOP).count();
+        let found = taken_out(&mut slave)
+            .iter()
+            .filter(|pdu| pdu[..] == STOP)
+            .count();
         assert_eq!(found, stops, "{bytes:02X?}");
     }
     let mut slave = slave(Framing::Ascii);
-    slave.received(at(10_000), &[text(1, &STOP), text(1, &READ)].concat(), &ours);
+    slave.received(
+        at(10_000),
+        &[text(1, &STOP), text(1, &READ)].concat(),
+        &ours,
+    );
     assert_eq!(taken_out(&mut slave), [&STOP[..], &READ]);
 }

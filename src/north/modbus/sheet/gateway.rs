@@ -10,10 +10,22 @@ use crate::domain::command::Rights;
 pub fn gateway(lines: &[&str], drives: &[&str], rights: Rights) -> Vec<SheetRow> {
     let rows = map().iter().filter(|row| row.unit == MapUnit::Own);
     let (once, repeated): (Vec<_>, Vec<_>) = rows.partition(|row| row.each == Each::Once);
-    let mut all: Vec<_> = once.into_iter().map(|row| of(row, row.address, "", rights)).collect();
+    let mut all: Vec<_> = once
+        .into_iter()
+        .map(|row| of(row, row.address, "", rights))
+        .collect();
     let lines = lines.iter().take(usize::from(own::LINES_MAX));
-    all.extend(lines.enumerate().flat_map(|(place, name)| each(&repeated, Of::Line, place, name, rights)));
-    all.extend(drives.iter().enumerate().flat_map(|(place, name)| each(&repeated, Of::Drive, place, name, rights)));
+    all.extend(
+        lines
+            .enumerate()
+            .flat_map(|(place, name)| each(&repeated, Of::Line, place, name, rights)),
+    );
+    all.extend(
+        drives
+            .iter()
+            .enumerate()
+            .flat_map(|(place, name)| each(&repeated, Of::Drive, place, name, rights)),
+    );
     all
 }
 
@@ -30,7 +42,10 @@ fn each(rows: &[&MapRow], what: Of, place: usize, name: &str, rights: Rights) ->
             (Each::Line(step), Of::Line) | (Each::Drive(step), Of::Drive) => step,
             _ => return None,
         };
-        let address = u16::try_from(place).ok()?.checked_mul(step)?.checked_add(row.address)?;
+        let address = u16::try_from(place)
+            .ok()?
+            .checked_mul(step)?
+            .checked_add(row.address)?;
         Some(of(row, address, name, rights))
     });
     placed.collect()
@@ -40,8 +55,17 @@ fn of(row: &MapRow, address: u16, name: &str, rights: Rights) -> SheetRow {
     let plain = of_map(row, address);
     let is_written = row.access == MapAccess::ReadWrite && rights.stop;
     let special = match row.absent {
-        Some(absent) => absent_text(row.count, absent, "not known, or not served by this listener"),
+        Some(absent) => absent_text(
+            row.count,
+            absent,
+            "not known, or not served by this listener",
+        ),
         None => plain.special,
     };
-    SheetRow { of: name.to_owned(), is_written, special, ..plain }
+    SheetRow {
+        of: name.to_owned(),
+        is_written,
+        special,
+        ..plain
+    }
 }

@@ -76,7 +76,11 @@ impl From<MapTable> for SheetTable {
 
 fn numbered(digit: u8, address: u16) -> String {
     let number = u32::from(address) + 1;
-    if number < 10_000 { format!("{digit}{number:04}") } else { format!("{digit}{number:05}") }
+    if number < 10_000 {
+        format!("{digit}{number:04}")
+    } else {
+        format!("{digit}{number:05}")
+    }
 }
 
 /// How the words of a row are read.
@@ -201,7 +205,10 @@ fn of_map(row: &MapRow, address: u16) -> SheetRow {
         is_read: true,
         is_written: false,
         meaning,
-        special: row.absent.map(|absent| absent_text(row.count, absent, "not known")).unwrap_or_default(),
+        special: row
+            .absent
+            .map(|absent| absent_text(row.count, absent, "not known"))
+            .unwrap_or_default(),
     }
 }
 
@@ -215,6 +222,8 @@ fn absent_text(count: u16, absent: u16, why: &str) -> String {
 }
 
 fn reasons() -> String {
-    let all = Reason::ALL.iter().map(|reason| format!("{} {}", reason.number(), reason.word()));
+    let all = Reason::ALL
+        .iter()
+        .map(|reason| format!("{} {}", reason.number(), reason.word()));
     all.collect::<Vec<_>>().join(", ")
 }

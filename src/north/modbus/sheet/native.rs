@@ -6,7 +6,9 @@ use crate::domain::command::Rights;
 use crate::domain::control::ControlSettings;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::description::DriveDescription;
-use crate::profile::model::{CodeText, Memory, Model, OrderKind, OrderedWord, Register, Role, StatusFlag};
+use crate::profile::model::{
+    CodeText, Memory, Model, OrderKind, OrderedWord, Register, Role, StatusFlag,
+};
 use crate::profile::scale::Scaled;
 use crate::profile::words::FLAGS;
 use crate::toml_file::words::word_for;
@@ -21,13 +23,30 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
     let control = drive.control.as_deref();
     let registers = model.registers.iter();
     let rows = registers.map(|register| of(model, register, register.address, control, rights));
-    let twins = control.iter().flat_map(|control| &control.native_write).filter_map(|address| {
-        let register = model.stored_twin(*address).or_else(|| model.in_ram_at((*address).into()));
-        let register = register.filter(|_| model.register_at(*address).is_none())?;
-        Some(of(model, register, Address::holding(*address), control, rights))
-    });
+    let twins = control
+        .iter()
+        .flat_map(|control| &control.native_write)
+        .filter_map(|address| {
+            let register = model
+                .stored_twin(*address)
+                .or_else(|| model.in_ram_at((*address).into()));
+            let register = register.filter(|_| model.register_at(*address).is_none())?;
+            Some(of(
+                model,
+                register,
+                Address::holding(*address),
+                control,
+                rights,
+            ))
+        });
     let mut all: Vec<_> = rows.chain(twins).collect();
-    all.sort_by_key(|row| (is_of_bits(row.table), row.table == SheetTable::Input, row.address));
+    all.sort_by_key(|row| {
+        (
+            is_of_bits(row.table),
+            row.table == SheetTable::Input,
+            row.address,
+        )
+    });
     all
 }
 
@@ -43,7 +62,14 @@ fn table_of(model: &Model, table: Table) -> SheetTable {
         Table::Coil => SheetTable::Coil,
         Table::Discrete => SheetTable::Discrete,
         Table::Input => SheetTable::Input,
-        Table::Holding if model.registers.iter().any(|it| it.address.table() == Table::Input) => SheetTable::Holding,
+        Table::Holding
+            if model
+                .registers
+                .iter()
+                .any(|it| it.address.table() == Table::Input) =>
+        {
+            SheetTable::Holding
+        }
         Table::Holding => SheetTable::Word,
     }
 }
@@ -56,12 +82,15 @@ fn of(
     rights: Rights,
 ) -> SheetRow {
     let is_command = is_command(register);
-    let is_listed = control.is_some_and(|control| control.native_write.iter().any(|number| address == *number));
+    let is_listed =
+        control.is_some_and(|control| control.native_write.iter().any(|number| address == *number));
     let table = table_of(model, address.table());
     let commands = rights.write && control.is_some_and(|control| control.from_modbus_tcp);
     let stops = rights.stop
         && control.is_some()
-        && model.orders_at(register.address).any(|(kind, _)| matches!(kind, OrderKind::Stop | OrderKind::Coast));
+        && model
+            .orders_at(register.address)
+            .any(|(kind, _)| matches!(kind, OrderKind::Stop | OrderKind::Coast));
     let is_twin = register.address != address;
     let is_in_ram = is_twin && model.in_ram_at(address).is_some();
     let is_written = commands && (is_command || is_listed) || stops;
@@ -78,7 +107,11 @@ fn of(
             false => register.title.clone(),
         },
         step: step(register),
-        unit: if register.unit == UnitOfMeasure::None { "" } else { register.unit.symbol() },
+        unit: if register.unit == UnitOfMeasure::None {
+            ""
+        } else {
+            register.unit.symbol()
+        },
         format: match register.signed {
             _ if is_of_bits(table) => SheetFormat::Bit,
             true => SheetFormat::Signed,
@@ -87,21 +120,33 @@ fn of(
         is_read: register.access.can_read() && (!is_twin || is_in_ram && model.reads_ram_forms()),
         is_written,
         meaning: meaning(model, register),
-        special: special(register, is_written && is_command, is_listed && !is_in_ram, is_twin && !is_in_ram),
+        special: special(
+            register,
+            is_written && is_command,
+            is_listed && !is_in_ram,
+            is_twin && !is_in_ram,
+        ),
     }
 }
 
 /// Whether a write to it is a command.
 const fn is_command(register: &Register) -> bool {
-    matches!(register.role, Some(Role::RunCommand | Role::Order | Role::FrequencyCommand))
+    matches!(
+        register.role,
+        Some(Role::RunCommand | Role::Order | Role::FrequencyCommand)
+    )
 }
 
 /// What one step of the raw word is; empty for codes.
 fn step(register: &Register) -> String {
     let is_code = !register.meanings.is_empty()
-        || register.role.is_some_and(|role| matches!(role, Role::RunCommand | Role::Order) || names_trips(role));
+        || register.role.is_some_and(|role| {
+            matches!(role, Role::RunCommand | Role::Order) || names_trips(role)
+        });
     match register.scale {
-        _ if is_code || !register.form.is_plain() || register.address.table().is_of_bits() => String::new(),
+        _ if is_code || !register.form.is_plain() || register.address.table().is_of_bits() => {
+            String::new()
+        }
         scale if 10_u32.pow(scale.ilog10()) == scale => Scaled::from_word(1, register).to_string(),
         scale => format!("1/{scale}"),
     }
@@ -109,35 +154,57 @@ fn step(register: &Register) -> String {
 
 /// Whether registers with `role` hold the vendor's numbers of trips.
 const fn names_trips(role: Role) -> bool {
-    matches!(role, Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory)
+    matches!(
+        role,
+        Role::TripCode | Role::TripBits | Role::TripCause | Role::TripHistory
+    )
 }
 
 fn meaning(model: &Model, register: &Register) -> String {
-    let own = register.meanings.iter().map(|(code, text)| format!("{code} {text}"));
+    let own = register
+        .meanings
+        .iter()
+        .map(|(code, text)| format!("{code} {text}"));
     // If each word has a meaning, flags add nothing.
-    let flags = model.status.iter().filter(|flag| flag.address == register.address && register.meanings.is_empty());
+    let flags = model
+        .status
+        .iter()
+        .filter(|flag| flag.address == register.address && register.meanings.is_empty());
     let flags = flags.map(of_flag);
     let of_role: Vec<_> = match register.role {
         Some(Role::RunCommand | Role::Order) => order_words(model, register.address),
         Some(role) if names_trips(role) => model.trip_codes.iter().map(of_trip).collect(),
         _ => Vec::new(),
     };
-    own.chain(flags).chain(of_role).collect::<Vec<_>>().join(", ")
+    own.chain(flags)
+        .chain(of_role)
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// The words of orders in the register at `address`, with those that the model does not prove marked.
 fn order_words(model: &Model, address: Address) -> Vec<String> {
     let row = |value: u16, text: &str, is_proven: bool| {
         let mark = if is_proven { "" } else { " (unproven)" };
-        let value = if value > 9 { format!("0x{value:04X}") } else { value.to_string() };
+        let value = if value > 9 {
+            format!("0x{value:04X}")
+        } else {
+            value.to_string()
+        };
         format!("{value} {text}{mark}")
     };
     let mut rows: Vec<String> = Vec::new();
-    let is_by_direction = model.turns_by_sign() || model.run.as_ref().is_some_and(|run| run.places.direction.is_some());
+    let is_by_direction = model.turns_by_sign()
+        || model
+            .run
+            .as_ref()
+            .is_some_and(|run| run.places.direction.is_some());
     for (kind, fact) in model.orders_at(address) {
         match kind {
             OrderKind::Reverse if is_by_direction => {}
-            OrderKind::Forward if is_by_direction => rows.push(row(fact.value, "run", fact.confidence.is_proven())),
+            OrderKind::Forward if is_by_direction => {
+                rows.push(row(fact.value, "run", fact.confidence.is_proven()))
+            }
             _ => rows.push(row(fact.value, kind.word(), fact.confidence.is_proven())),
         }
     }
@@ -145,31 +212,58 @@ fn order_words(model: &Model, address: Address) -> Vec<String> {
         rows.push(row(words.forward, "forward", true));
         rows.extend(words.reverse.map(|reverse| row(reverse, "reverse", true)));
     }
-    let run = model.run.as_ref().filter(|_| model.takes_run_commands(address));
+    let run = model
+        .run
+        .as_ref()
+        .filter(|_| model.takes_run_commands(address));
     let is_command = model.orders_at(address).any(|(_, fact)| fact.value == 0);
     let zero = run.and_then(|run| run.order_in(0)).filter(|_| !is_command);
-    rows.extend(zero.map(|order| if order == OrderedWord::Coast { "0 coast" } else { "0 stop" }.to_owned()));
+    rows.extend(zero.map(|order| {
+        if order == OrderedWord::Coast {
+            "0 coast"
+        } else {
+            "0 stop"
+        }
+        .to_owned()
+    }));
     rows
 }
 
 fn of_flag(flag: &StatusFlag) -> String {
     let word = word_for(&FLAGS, &flag.flag);
-    let mark = if flag.confidence.is_proven() { "" } else { " (unproven)" };
+    let mark = if flag.confidence.is_proven() {
+        ""
+    } else {
+        " (unproven)"
+    };
     match (flag.mask.count_ones(), &flag.values[..]) {
-        (1, [value]) if *value == flag.mask => format!("bit {} {word}{mark}", flag.mask.trailing_zeros()),
+        (1, [value]) if *value == flag.mask => {
+            format!("bit {} {word}{mark}", flag.mask.trailing_zeros())
+        }
         (16, values) => {
             let values: Vec<_> = values.iter().map(u16::to_string).collect();
             format!("{} {word}{mark}", values.join(" or "))
         }
         (_, values) => {
-            let values: Vec<_> = values.iter().map(|value| format!("0x{value:04X}")).collect();
-            format!("{} under mask 0x{:04X} {word}{mark}", values.join(" or "), flag.mask)
+            let values: Vec<_> = values
+                .iter()
+                .map(|value| format!("0x{value:04X}"))
+                .collect();
+            format!(
+                "{} under mask 0x{:04X} {word}{mark}",
+                values.join(" or "),
+                flag.mask
+            )
         }
     }
 }
 
 fn of_trip(trip: &CodeText) -> String {
-    let mark = if trip.confidence.is_proven() { "" } else { " (unproven)" };
+    let mark = if trip.confidence.is_proven() {
+        ""
+    } else {
+        " (unproven)"
+    };
     format!("{} {}{mark}", trip.code, trip.text)
 }
 

@@ -17,15 +17,30 @@ use crate::vendors;
 use crate::wire::mbap;
 use std::sync::Arc;
 
-const ALL: Rights = Rights { write: true, stop: true };
-const STOP: Rights = Rights { write: false, stop: true };
+const ALL: Rights = Rights {
+    write: true,
+    stop: true,
+};
+const STOP: Rights = Rights {
+    write: false,
+    stop: true,
+};
 
 /// A drive of every model that is built in, and the one with everything.
 fn drives() -> Vec<DriveDescription> {
     let catalog = vendors::catalog();
-    let models = catalog.ids().map(|id| Arc::clone(catalog.find(id).unwrap()));
-    let ratings = Ratings { current_ma: Some(11_000), voltage_mv: Some(400_000) };
-    let built_in = models.map(|model| DriveDescription { model, ratings, ..testing::description() });
+    let models = catalog
+        .ids()
+        .map(|id| Arc::clone(catalog.find(id).unwrap()));
+    let ratings = Ratings {
+        current_ma: Some(11_000),
+        voltage_mv: Some(400_000),
+    };
+    let built_in = models.map(|model| DriveDescription {
+        model,
+        ratings,
+        ..testing::description()
+    });
     built_in.chain([testing::description()]).collect()
 }
 
@@ -38,13 +53,20 @@ fn picture(drive: &DriveDescription) -> DriveView {
         view.trip.active = None;
     }
     for (place, register) in (1..).zip(&drive.model.registers) {
-        view.snapshot.take(register.address, &[1000 + 7 * place], NOW);
+        view.snapshot
+            .take(register.address, &[1000 + 7 * place], NOW);
     }
     view
 }
 
 /// What a client gets that requests `count` words by `function`, through a connection; or the exception.
-fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u16) -> Result<Vec<u16>, u8> {
+fn asked(
+    unit: &Uniform,
+    view: &DriveView,
+    function: u8,
+    address: u16,
+    count: u16,
+) -> Result<Vec<u16>, u8> {
     let mut connection = Connection::new(Limits::default(), NOW);
     let mut request = Vec::new();
     mbap::encode(&mut request, 1, 101, |pdu| {
@@ -55,13 +77,23 @@ fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u1
     connection.receive(NOW, &request, &|_: u8, _: &Ask| false);
     let call = connection.next_call().unwrap();
     let mut words = Words::default();
-    let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt, standby: None };
+    let present = Present {
+        now: NOW,
+        uptime_s: 3,
+        owner: Owner::Mqtt,
+        standby: None,
+    };
     let taken: Taken = unit.take(&call.ask, view, &present, &mut words);
-    taken.at_once(&words, |answer| connection.answer(NOW, call.ticket, answer)).unwrap();
+    taken
+        .at_once(&words, |answer| connection.answer(NOW, call.ticket, answer))
+        .unwrap();
     let answer = mbap::decode(connection.output()).unwrap().unwrap();
     match answer.pdu {
         [code, exception] if code & 0x80 != 0 => Err(*exception),
-        [_, _, bytes @ ..] => Ok(bytes.chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect()),
+        [_, _, bytes @ ..] => Ok(bytes
+            .chunks(2)
+            .map(|word| u16::from_be_bytes([word[0], word[1]]))
+            .collect()),
         _ => panic!("{:?}", answer.pdu),
     }
 }
@@ -69,7 +101,9 @@ fn asked(unit: &Uniform, view: &DriveView, function: u8, address: u16, count: u1
 /// The first number in `text` after `mark`.
 fn number(text: &str, mark: &str) -> Option<f64> {
     let (_, rest) = text.split_once(mark)?;
-    let digits = rest.split(|it: char| !it.is_ascii_alphanumeric() && it != '.').next()?;
+    let digits = rest
+        .split(|it: char| !it.is_ascii_alphanumeric() && it != '.')
+        .next()?;
     match digits.strip_prefix("0x") {
         Some(hex) => Some(f64::from(u16::from_str_radix(hex, 16).ok()?)),
         None => digits.parse().ok(),
@@ -79,7 +113,10 @@ fn number(text: &str, mark: &str) -> Option<f64> {
 /// The value that `row` promises of a drive with this `picture`: its native register in steps of the row.
 fn promised(row: &SheetRow, drive: &DriveDescription, view: &DriveView) -> Option<f64> {
     let address = number(&row.special, "from ")? as u16;
-    let native = native(drive, ALL).into_iter().find(|it| it.address == address).unwrap();
+    let native = native(drive, ALL)
+        .into_iter()
+        .find(|it| it.address == address)
+        .unwrap();
     let raw = view.snapshot.reading(address).unwrap().raw;
     let value = f64::from(raw) * native.step.parse::<f64>().ok()?;
     let value = match (native.unit, row.unit) {
@@ -121,19 +158,37 @@ fn every_uniform_word_reads_as_the_sheet_says() {
             };
             if let Some(value) = promised(&row, &drive, &view) {
                 let step: f64 = row.step.parse().unwrap();
-                assert!((raw * step - value).abs() <= step / 2.0 + 1e-9, "{}: {row:?}: {raw} {value}", drive.model.id);
+                assert!(
+                    (raw * step - value).abs() <= step / 2.0 + 1e-9,
+                    "{}: {row:?}: {raw} {value}",
+                    drive.model.id
+                );
                 measured += 1;
             } else if row.special.contains("always") {
                 let mark = number(&format!(" {}", row.special), " ").unwrap();
-                assert!(words.iter().all(|word| f64::from(*word) == mark), "{}: {row:?} {words:?}", drive.model.id);
+                assert!(
+                    words.iter().all(|word| f64::from(*word) == mark),
+                    "{}: {row:?} {words:?}",
+                    drive.model.id
+                );
                 absent += 1;
-            } else if row.meaning.starts_with(|it: char| it.is_ascii_digit()) && row.step.is_empty() {
-                let mut codes = row.meaning.split(", ").filter_map(|code| code.split(' ').next());
-                assert!(codes.any(|code| code == words[0].to_string()), "{row:?} {words:?}");
+            } else if row.meaning.starts_with(|it: char| it.is_ascii_digit()) && row.step.is_empty()
+            {
+                let mut codes = row
+                    .meaning
+                    .split(", ")
+                    .filter_map(|code| code.split(' ').next());
+                assert!(
+                    codes.any(|code| code == words[0].to_string()),
+                    "{row:?} {words:?}"
+                );
             }
         }
     }
-    assert!(measured >= 30 && absent >= 20, "{measured} measured, {absent} absent");
+    assert!(
+        measured >= 30 && absent >= 20,
+        "{measured} measured, {absent} absent"
+    );
 }
 
 #[test]
@@ -143,23 +198,45 @@ fn bits_read_as_the_sheet_says() {
     let rows = uniform(&testing::description(), ALL);
     for (table, function) in [(SheetTable::Coil, 1), (SheetTable::Discrete, 2)] {
         let of_table: Vec<_> = rows.iter().filter(|row| row.table == table).collect();
-        let last = of_table.iter().map(|row| row.address + row.count).max().unwrap();
+        let last = of_table
+            .iter()
+            .map(|row| row.address + row.count)
+            .max()
+            .unwrap();
         assert_eq!(of_table.iter().map(|row| row.count).sum::<u16>(), last);
         let mut words = Words::default();
-        let present = Present { now: NOW, uptime_s: 3, owner: Owner::Mqtt, standby: None };
+        let present = Present {
+            now: NOW,
+            uptime_s: 3,
+            owner: Owner::Mqtt,
+            standby: None,
+        };
         for (count, is_there) in [(last, true), (last + 1, false)] {
             let ask = super::super::request::parse(&[function, 0, 0, 0, count as u8]).unwrap();
             let taken = unit.take(&ask, &view, &present, &mut words);
-            assert_eq!(matches!(taken, Taken::Bits { .. }), is_there, "{function} {count}");
+            assert_eq!(
+                matches!(taken, Taken::Bits { .. }),
+                is_there,
+                "{function} {count}"
+            );
         }
     }
 }
 
 #[test]
 fn numbers_are_those_of_data_sheets() {
-    for (address, right) in [(0, "40001"), (256, "40257"), (9998, "49999"), (9999, "410000"), (0xFA00, "464001")] {
+    for (address, right) in [
+        (0, "40001"),
+        (256, "40257"),
+        (9998, "49999"),
+        (9999, "410000"),
+        (0xFA00, "464001"),
+    ] {
         assert_eq!(SheetTable::Word.number(address), right);
-        assert_eq!(SheetTable::Word.input_number(address), Some(right.replacen('4', "3", 1)));
+        assert_eq!(
+            SheetTable::Word.input_number(address),
+            Some(right.replacen('4', "3", 1))
+        );
     }
     assert_eq!(SheetTable::Coil.number(3), "00004");
     assert_eq!(SheetTable::Discrete.number(9), "10010");
@@ -177,7 +254,10 @@ fn what_is_written_follows_from_rights_and_control() {
         let mut all = uniform(&drive, rights);
         all.extend(native(&drive, rights));
         let place = |row: &SheetRow| format!("{} {}", row.table.number(row.address), row.special);
-        all.iter().filter(|row| row.is_written).map(place).collect::<Vec<_>>()
+        all.iter()
+            .filter(|row| row.is_written)
+            .map(place)
+            .collect::<Vec<_>>()
     };
     let command = "a write is a command, with all its rules";
     assert_eq!(
@@ -202,19 +282,33 @@ fn what_is_written_follows_from_rights_and_control() {
         format!("40003 {command}"),
     ];
     assert_eq!(written(STOP, &|_| ()), only_stop);
-    assert_eq!(written(ALL, &|control| control.from_modbus_tcp = false), only_stop);
+    assert_eq!(
+        written(ALL, &|control| control.from_modbus_tcp = false),
+        only_stop
+    );
     assert_eq!(written(Rights::NONE, &|_| ()), [""; 0]);
 }
 
 #[test]
 fn lines_and_drives_of_the_gateway_stand_where_they_are_read() {
     let rows = gateway(&["hall-1", "hall-2"], &["pump-1", "pump-2", "pump-3"], ALL);
-    let at = |address| rows.iter().find(|row| row.table == SheetTable::Word && row.address == address).unwrap();
-    assert_eq!((at(116).of.as_str(), at(116).title.as_str()), ("hall-2", "line state"));
+    let at = |address| {
+        rows.iter()
+            .find(|row| row.table == SheetTable::Word && row.address == address)
+            .unwrap()
+    };
+    assert_eq!(
+        (at(116).of.as_str(), at(116).title.as_str()),
+        ("hall-2", "line state")
+    );
     assert_eq!((at(1018).of.as_str(), at(1018).unit), ("pump-3", "Hz"));
     let many: Vec<_> = (0..60).map(|number| format!("line-{number}")).collect();
     let many: Vec<_> = many.iter().map(String::as_str).collect();
-    let last = gateway(&many, &[], ALL).into_iter().map(|row| row.address).max().unwrap();
+    let last = gateway(&many, &[], ALL)
+        .into_iter()
+        .map(|row| row.address)
+        .max()
+        .unwrap();
     assert!(last < own::DRIVES, "{last}");
 }
 
@@ -222,12 +316,27 @@ fn lines_and_drives_of_the_gateway_stand_where_they_are_read() {
 fn a_sheet_says_what_a_zero_orders() {
     use crate::profile::check;
     for (text, expected) in [
-        (include_str!("../../../../tests/golden/models/zero-ignored.toml"), "0x04BC reset, 0 stop"),
-        (include_str!("../../../../tests/golden/models/zero-nothing.toml"), "9 reset, 0 stop"),
-        (include_str!("../../../../tests/golden/models/zero-coast.toml"), "0x0086 reset, 0 coast"),
+        (
+            include_str!("../../../../tests/golden/models/zero-ignored.toml"),
+            "0x04BC reset, 0 stop",
+        ),
+        (
+            include_str!("../../../../tests/golden/models/zero-nothing.toml"),
+            "9 reset, 0 stop",
+        ),
+        (
+            include_str!("../../../../tests/golden/models/zero-coast.toml"),
+            "0x0086 reset, 0 coast",
+        ),
     ] {
         let model = Arc::new(check::model(text).unwrap());
-        let rows = native(&DriveDescription { model, ..testing::description() }, ALL);
+        let rows = native(
+            &DriveDescription {
+                model,
+                ..testing::description()
+            },
+            ALL,
+        );
         let run = rows.iter().find(|row| row.address == 0x2000).unwrap();
         assert!(run.meaning.ends_with(expected), "{}", run.meaning);
     }

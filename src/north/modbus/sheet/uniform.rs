@@ -40,18 +40,33 @@ fn of(row: &MapRow, drive: &DriveDescription, unit: &Uniform, rights: Rights) ->
         (MapTable::Coil, at, _) => coil_text(at, &taken).to_owned(),
         _ => plain.special,
     };
-    SheetRow { is_written, special, ..plain }
+    SheetRow {
+        is_written,
+        special,
+        ..plain
+    }
 }
 
 /// The run values that a client with `rights` may send to `drive`.
 fn taken(drive: &DriveDescription, unit: &Uniform, rights: Rights) -> Vec<u16> {
-    let Some(control) = &drive.control else { return Vec::new() };
+    let Some(control) = &drive.control else {
+        return Vec::new();
+    };
     if !rights.stop {
         return Vec::new();
     }
     let commands = rights.write && control.from_modbus_tcp;
-    let may = |(value, bit): &(u16, u16)| unit.capabilities() & bit != 0 && (commands || *value == run::COAST);
-    std::iter::once(run::STOP).chain(RUN_VALUES.iter().filter(|it| may(it)).map(|(value, _)| *value)).collect()
+    let may = |(value, bit): &(u16, u16)| {
+        unit.capabilities() & bit != 0 && (commands || *value == run::COAST)
+    };
+    std::iter::once(run::STOP)
+        .chain(
+            RUN_VALUES
+                .iter()
+                .filter(|it| may(it))
+                .map(|(value, _)| *value),
+        )
+        .collect()
 }
 
 /// Whether any write to `row` is accepted from a client that may send the run values `taken`.
@@ -67,7 +82,11 @@ fn is_written(row: &MapRow, taken: &[u16]) -> bool {
 
 fn values_text(taken: &[u16]) -> String {
     let values: Vec<_> = taken.iter().map(u16::to_string).collect();
-    if values.is_empty() { "no value is taken here".to_owned() } else { format!("taken here: {}", values.join(", ")) }
+    if values.is_empty() {
+        "no value is taken here".to_owned()
+    } else {
+        format!("taken here: {}", values.join(", "))
+    }
 }
 
 fn coil_text(address: u16, taken: &[u16]) -> &'static str {
@@ -87,6 +106,10 @@ fn coil_text(address: u16, taken: &[u16]) -> &'static str {
 /// The drive's own register of a measurement, in words.
 fn register(drive: &DriveDescription, unit: &Uniform, address: u16) -> Option<String> {
     let register = drive.model.register_at(unit.register_of(address)?)?;
-    let code = register.code.as_ref().map(|code| format!(" ({code})")).unwrap_or_default();
+    let code = register
+        .code
+        .as_ref()
+        .map(|code| format!(" ({code})"))
+        .unwrap_or_default();
     Some(format!("{} {}{code}", register.address, register.name))
 }

@@ -38,12 +38,20 @@ impl Column {
     }
 
     /// The measurement of `register`; `None` as with [`Self::new`].
-    pub(super) fn of(drive: &DriveDescription, register: &Register, unit: UnitOfMeasure) -> Option<Self> {
+    pub(super) fn of(
+        drive: &DriveDescription,
+        register: &Register,
+        unit: UnitOfMeasure,
+    ) -> Option<Self> {
         let rated = Rated::of(register, &drive.ratings).filter(|rated| rated.unit == unit);
         if register.unit != unit && rated.is_none() {
             return None;
         }
-        Some(Self { register: register.clone(), rated, freshness: drive.freshness(register)? })
+        Some(Self {
+            register: register.clone(),
+            rated,
+            freshness: drive.freshness(register)?,
+        })
     }
 
     /// The drive's own register.
@@ -57,7 +65,10 @@ impl Column {
         if now >= self.freshness.ends_at_of(reading.at, &view.snapshot)? {
             return None;
         }
-        let (raw, scale) = self.rated.map_or_else(|| reading.value.fraction(), |rated| rated.fraction(reading.value));
+        let (raw, scale) = self.rated.map_or_else(
+            || reading.value.fraction(),
+            |rated| rated.fraction(reading.value),
+        );
         Some(Fresh { raw, scale })
     }
 }
@@ -65,18 +76,28 @@ impl Column {
 impl Fresh {
     /// A frequency.
     pub(super) fn of(frequency: Hertz) -> Self {
-        Self { raw: frequency.millihertz().into(), scale: 1000 }
+        Self {
+            raw: frequency.millihertz().into(),
+            scale: 1000,
+        }
     }
 
     /// Without its sign: a drive that shows a frequency in reverse as negative shows the direction elsewhere.
     pub(super) const fn magnitude(self) -> Self {
-        Self { raw: self.raw.abs(), scale: self.scale }
+        Self {
+            raw: self.raw.abs(),
+            scale: self.scale,
+        }
     }
 
     /// In steps of `1 / steps`, rounded half away from zero.
     pub(super) const fn in_steps(self, steps: i64) -> i64 {
         let twice = self.raw.saturating_mul(2 * steps);
-        let half = if self.raw < 0 { -self.scale } else { self.scale };
+        let half = if self.raw < 0 {
+            -self.scale
+        } else {
+            self.scale
+        };
         twice.saturating_add(half) / (2 * self.scale)
     }
 
@@ -87,13 +108,16 @@ impl Fresh {
 
     /// As a signed word of `1 / steps`; absent if it does not fit.
     pub(super) fn signed(self, steps: i64) -> u16 {
-        let word = i16::try_from(self.in_steps(steps)).ok().filter(|word| *word != i16::MIN);
+        let word = i16::try_from(self.in_steps(steps))
+            .ok()
+            .filter(|word| *word != i16::MIN);
         word.map_or(ABSENT_SIGNED, i16::cast_unsigned)
     }
 
     /// Whether two values are at most a tenth of their unit apart.
     pub(super) fn is_near(self, other: Self) -> bool {
-        let apart = i128::from(self.raw) * i128::from(other.scale) - i128::from(other.raw) * i128::from(self.scale);
+        let apart = i128::from(self.raw) * i128::from(other.scale)
+            - i128::from(other.raw) * i128::from(self.scale);
         10 * apart.abs() <= i128::from(self.scale) * i128::from(other.scale)
     }
 }
@@ -125,7 +149,11 @@ mod tests {
             (65_535, 1, 100, 6_553_500),
             (0, 7, 10, 0),
         ] {
-            assert_eq!(fresh(raw, scale).in_steps(steps), right, "{raw}/{scale} in 1/{steps}");
+            assert_eq!(
+                fresh(raw, scale).in_steps(steps),
+                right,
+                "{raw}/{scale} in 1/{steps}"
+            );
         }
     }
 
@@ -147,6 +175,8 @@ mod tests {
         assert!(fresh(4250, 100).is_near(fresh(424, 10)));
         assert!(!fresh(4250, 100).is_near(fresh(42_399, 1000)));
         assert!(fresh(0, 100).is_near(fresh(0, 1)));
-        assert!(fresh(i64::from(u16::MAX), i64::from(u32::MAX)).is_near(fresh(0, i64::from(u32::MAX))));
+        assert!(
+            fresh(i64::from(u16::MAX), i64::from(u32::MAX)).is_near(fresh(0, i64::from(u32::MAX)))
+        );
     }
 }

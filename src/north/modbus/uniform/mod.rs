@@ -69,8 +69,15 @@ impl Uniform {
         let reported = status::reported(drive, &sources);
         let control = drive.control.as_deref();
         let capabilities = status::capabilities(&drive.model, control);
-        let limits = control.map_or([ABSENT; 2], |control| [least_word(control.least), most_word(control.most)]);
-        Self { sources, reported, capabilities, limits }
+        let limits = control.map_or([ABSENT; 2], |control| {
+            [least_word(control.least), most_word(control.most)]
+        });
+        Self {
+            sources,
+            reported,
+            capabilities,
+            limits,
+        }
     }
 
     /// What `ask` means to this unit. Words are filled into `words`, computed from `view` as of `present`.
@@ -79,19 +86,31 @@ impl Uniform {
     /// as a whole; a write to a drive without control with 01.
     pub fn take(&self, ask: &Ask, view: &DriveView, present: &Present, words: &mut Words) -> Taken {
         match ask {
-            Ask::ReadWords { table: WordTable::Input, address, count } if last(*address, *count) >= PICTURE_WORDS => {
+            Ask::ReadWords {
+                table: WordTable::Input,
+                address,
+                count,
+            } if last(*address, *count) >= PICTURE_WORDS => {
                 Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
             }
-            Ask::ReadWords { address, count, .. } => self.read(*address, *count, view, present, words),
-            Ask::ReadBits { table, address, count } => self.read_bits(*table, *address, *count, view, present),
+            Ask::ReadWords { address, count, .. } => {
+                self.read(*address, *count, view, present, words)
+            }
+            Ask::ReadBits {
+                table,
+                address,
+                count,
+            } => self.read_bits(*table, *address, *count, view, present),
             Ask::LoopTest { .. } => Taken::Nothing,
             Ask::Identify { .. } => Taken::Exception(exception::ILLEGAL_FUNCTION),
-            Ask::ReadWriteWords { read_address, read_count, .. } => {
-                match self.read(*read_address, *read_count, view, present, words) {
-                    Taken::Words => self.write(ask, view),
-                    _ => Taken::Refused(Reason::NotListed),
-                }
-            }
+            Ask::ReadWriteWords {
+                read_address,
+                read_count,
+                ..
+            } => match self.read(*read_address, *read_count, view, present, words) {
+                Taken::Words => self.write(ask, view),
+                _ => Taken::Refused(Reason::NotListed),
+            },
             Ask::WriteCoil { .. }
             | Ask::WriteWord { .. }
             | Ask::WriteCoils { .. }
@@ -101,11 +120,23 @@ impl Uniform {
     }
 
     /// Fills in `count` holding registers from `address` on: 0 to 31 or 256 to 261.
-    pub fn read(&self, address: u16, count: u16, view: &DriveView, present: &Present, words: &mut Words) -> Taken {
-        let is_there =
-            last(address, count) < PICTURE_WORDS || address >= address::RUN && last(address, count) <= CONTROL_LAST;
-        let is_filled = is_there && words.fill(address, count, |address| self.word(address, view, present));
-        if is_filled { Taken::Words } else { Taken::Exception(exception::ILLEGAL_DATA_ADDRESS) }
+    pub fn read(
+        &self,
+        address: u16,
+        count: u16,
+        view: &DriveView,
+        present: &Present,
+        words: &mut Words,
+    ) -> Taken {
+        let is_there = last(address, count) < PICTURE_WORDS
+            || address >= address::RUN && last(address, count) <= CONTROL_LAST;
+        let is_filled =
+            is_there && words.fill(address, count, |address| self.word(address, view, present));
+        if is_filled {
+            Taken::Words
+        } else {
+            Taken::Exception(exception::ILLEGAL_DATA_ADDRESS)
+        }
     }
 
     /// Whether `ask` orders this drive to stop or to coast.
@@ -138,7 +169,14 @@ impl Uniform {
     }
 
     /// Coils read back the ordered direction; those for RESET and STOP act at once and read 0.
-    fn read_bits(&self, table: BitTable, address: u16, count: u16, view: &DriveView, present: &Present) -> Taken {
+    fn read_bits(
+        &self,
+        table: BitTable,
+        address: u16,
+        count: u16,
+        view: &DriveView,
+        present: &Present,
+    ) -> Taken {
         let (bits, there) = match table {
             BitTable::Discrete => (status::status(&self.sources, view, present), STATUS_BITS),
             BitTable::Coils => (self.coils(view), address::COILS),
@@ -146,7 +184,10 @@ impl Uniform {
         if last(address, count) >= there {
             return Taken::Exception(exception::ILLEGAL_DATA_ADDRESS);
         }
-        Taken::Bits { bits: bits >> address, count }
+        Taken::Bits {
+            bits: bits >> address,
+            count,
+        }
     }
 
     fn coils(&self, view: &DriveView) -> u16 {

@@ -42,11 +42,15 @@ pub(super) fn order_in(ask: &Ask, control: Option<&ControlView>) -> Result<Optio
         Ask::WriteCoil { address, on } => coils(*address, 1, |_| Some(*on)),
         Ask::WriteCoils { address, values } => coils_of(*address, values),
         Ask::WriteWord { address, value } => words(*address, std::slice::from_ref(value)),
-        Ask::WriteWords { address, values } | Ask::ReadWriteWords { address, values, .. } => words(*address, values),
+        Ask::WriteWords { address, values }
+        | Ask::ReadWriteWords {
+            address, values, ..
+        } => words(*address, values),
         Ask::MaskWord { address, and, or } => masked(*address, *and, *or, control),
-        Ask::ReadBits { .. } | Ask::ReadWords { .. } | Ask::LoopTest { .. } | Ask::Identify { .. } => {
-            Err(Reason::NotCapable)
-        }
+        Ask::ReadBits { .. }
+        | Ask::ReadWords { .. }
+        | Ask::LoopTest { .. }
+        | Ask::Identify { .. } => Err(Reason::NotCapable),
     }
 }
 
@@ -81,7 +85,12 @@ fn go(setpoint: Option<Hertz>, direction: Option<Direction>) -> Option<Order> {
 }
 
 /// A mask counts as a write of its result on the word that is read back.
-fn masked(register: u16, and: u16, or: u16, control: Option<&ControlView>) -> Result<Option<Order>, Reason> {
+fn masked(
+    register: u16,
+    and: u16,
+    or: u16,
+    control: Option<&ControlView>,
+) -> Result<Option<Order>, Reason> {
     let old = match register {
         address::RUN => control.map_or(run::STOP, |control| run_word(control.intent)),
         // No bit of the old word is kept.
@@ -109,13 +118,21 @@ fn coils_of(first: u16, values: &Bits) -> Result<Option<Order>, Reason> {
     coils(first, values.count(), |place| values.get(place))
 }
 
-fn coils(first: u16, count: u16, value: impl Fn(u16) -> Option<bool>) -> Result<Option<Order>, Reason> {
+fn coils(
+    first: u16,
+    count: u16,
+    value: impl Fn(u16) -> Option<bool>,
+) -> Result<Option<Order>, Reason> {
     let end = first.checked_add(count).ok_or(Reason::NotListed)?;
     if end > address::COILS {
         return Err(Reason::NotListed);
     }
     // `None`: the request does not cover the coil.
-    let coil = |coil: u16| coil.checked_sub(first).filter(|place| *place < count).and_then(&value);
+    let coil = |coil: u16| {
+        coil.checked_sub(first)
+            .filter(|place| *place < count)
+            .and_then(&value)
+    };
     let forward = coil(address::FORWARD);
     let reverse = coil(address::REVERSE);
     let reset = coil(address::RESET);
@@ -141,7 +158,10 @@ pub fn presses_stop(ask: &Ask) -> bool {
     match ask {
         Ask::WriteCoil { address, on } => *on && *address == address::STOP,
         Ask::WriteCoils { address, values } => {
-            address::STOP.checked_sub(*address).and_then(|place| values.get(place)) == Some(true)
+            address::STOP
+                .checked_sub(*address)
+                .and_then(|place| values.get(place))
+                == Some(true)
         }
         _ => false,
     }
@@ -198,17 +218,37 @@ mod tests {
             let mut single = vec![6];
             crate::wire::pdu::put_words(&mut single, &[address, value]);
             assert_eq!(order(&single, None), right, "06 {address} {value}");
-            assert_eq!(order(&block(0x10, address, &[value]), None), right, "10 {address} {value}");
-            assert_eq!(order(&block(0x17, address, &[value]), None), right, "17 {address} {value}");
+            assert_eq!(
+                order(&block(0x10, address, &[value]), None),
+                right,
+                "10 {address} {value}"
+            );
+            assert_eq!(
+                order(&block(0x17, address, &[value]), None),
+                right,
+                "17 {address} {value}"
+            );
         }
     }
 
     #[test]
     fn one_block_is_one_order() {
         for (address, values, right) in [
-            (256, &[1, 4250][..], Ok(go(Some(HZ), Some(Direction::Forward)))),
-            (256, &[2, 4250, 9], Ok(go(Some(HZ), Some(Direction::Reverse)))),
-            (256, &[0, 4250, 9], Ok(Some(Order::Stop { setpoint: Some(HZ) }))),
+            (
+                256,
+                &[1, 4250][..],
+                Ok(go(Some(HZ), Some(Direction::Forward))),
+            ),
+            (
+                256,
+                &[2, 4250, 9],
+                Ok(go(Some(HZ), Some(Direction::Reverse))),
+            ),
+            (
+                256,
+                &[0, 4250, 9],
+                Ok(Some(Order::Stop { setpoint: Some(HZ) })),
+            ),
             (256, &[3, 4250], Ok(Some(Order::Coast))),
             (256, &[4, 4250], Ok(Some(Order::Reset))),
             (256, &[4, 4250, 9], Ok(Some(Order::Reset))),
@@ -219,26 +259,46 @@ mod tests {
             (255, &[0, 0], Err(2)),
             (0xFFFF, &[0], Err(2)),
         ] {
-            assert_eq!(order(&block(0x10, address, values), None), right, "{address} {values:?}");
+            assert_eq!(
+                order(&block(0x10, address, values), None),
+                right,
+                "{address} {values:?}"
+            );
         }
     }
 
     #[test]
     fn a_mask_is_a_write_of_what_it_makes_of_the_word_read_back() {
-        let mut control = ControlView { intent: RunIntent::Run(Direction::Forward), ..ControlView::default() };
+        let mut control = ControlView {
+            intent: RunIntent::Run(Direction::Forward),
+            ..ControlView::default()
+        };
         let mask = |register: u16, and: u16, or: u16, control: &ControlView| {
             let mut pdu = vec![0x16];
             crate::wire::pdu::put_words(&mut pdu, &[register, and, or]);
             order(&pdu, Some(control))
         };
-        assert_eq!(mask(256, 0xFFFF, 0, &control), Ok(Some(runs(Direction::Forward))));
+        assert_eq!(
+            mask(256, 0xFFFF, 0, &control),
+            Ok(Some(runs(Direction::Forward)))
+        );
         assert_eq!(mask(256, 0xFFFE, 0, &control), Ok(Some(STOP)));
-        assert_eq!(mask(256, 0xFFFC, 2, &control), Ok(Some(runs(Direction::Reverse))));
+        assert_eq!(
+            mask(256, 0xFFFC, 2, &control),
+            Ok(Some(runs(Direction::Reverse)))
+        );
         assert_eq!(mask(256, 0xFF00, 0xFF, &control), Err(3));
-        assert_eq!(mask(257, 0xFFFF, 0, &control), Err(6), "no setpoint to mask");
+        assert_eq!(
+            mask(257, 0xFFFF, 0, &control),
+            Err(6),
+            "no setpoint to mask"
+        );
         assert_eq!(mask(257, 0, 4250, &control), Ok(go(Some(HZ), None)));
         control.setpoint = Some(Hertz::from_millihertz(40_000));
-        assert_eq!(mask(257, 0xFF00, 0x9A, &control), Ok(go(Some(Hertz::from_centihertz(0x0F9A)), None)));
+        assert_eq!(
+            mask(257, 0xFF00, 0x9A, &control),
+            Ok(go(Some(Hertz::from_centihertz(0x0F9A)), None))
+        );
         assert_eq!(mask(258, 0, 0, &control), Ok(Some(Order::Renew)));
         assert_eq!(mask(259, 0, 0, &control), Err(2));
     }
@@ -270,7 +330,11 @@ mod tests {
             (0xFFFF, false, Err(2)),
         ] {
             let ask = Ask::WriteCoil { address: coil, on };
-            assert_eq!(order_in(&ask, None).map_err(exception_of), right, "{coil} {on}");
+            assert_eq!(
+                order_in(&ask, None).map_err(exception_of),
+                right,
+                "{coil} {on}"
+            );
         }
     }
 

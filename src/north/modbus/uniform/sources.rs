@@ -42,7 +42,10 @@ impl Sources {
     pub(super) fn new(drive: &DriveDescription) -> Self {
         let column = |role, unit| Column::new(drive, role, unit);
         let registers = drive.model.registers.iter();
-        let has_trips = drive.model.trip_register().is_some_and(|register| register.poll.is_some());
+        let has_trips = drive
+            .model
+            .trip_register()
+            .is_some_and(|register| register.poll.is_some());
         let setting = drive.model.setting_register();
         Self {
             output_frequency: column(Role::OutputFrequency, UnitOfMeasure::Hertz),
@@ -54,9 +57,15 @@ impl Sources {
             torque: column(Role::Torque, UnitOfMeasure::Percent),
             temperature: column(Role::Temperature, UnitOfMeasure::Celsius),
             run_hours: column(Role::RunHours, UnitOfMeasure::Hour),
-            polled: registers.filter(is_live).filter_map(|it| Some((it.clone(), drive.freshness(it)?))).collect(),
+            polled: registers
+                .filter(is_live)
+                .filter_map(|it| Some((it.clone(), drive.freshness(it)?)))
+                .collect(),
             has_trips,
-            warning: drive.model.warning_register().and_then(|it| Some((it.clone(), drive.freshness(it)?))),
+            warning: drive
+                .model
+                .warning_register()
+                .and_then(|it| Some((it.clone(), drive.freshness(it)?))),
             has_control: drive.control.is_some(),
             usage: UsageParts::of(&drive.model),
         }
@@ -67,17 +76,25 @@ impl Sources {
     pub(super) fn is_at_setpoint(&self, view: &DriveView, now: MonoTime) -> bool {
         let fresh = |column: &Option<Column>| Some(column.as_ref()?.fresh(view, now)?.magnitude());
         let output = fresh(&self.output_frequency);
-        let ordered = view.control.as_ref().filter(|control| matches!(control.intent, RunIntent::Run(_)));
+        let ordered = view
+            .control
+            .as_ref()
+            .filter(|control| matches!(control.intent, RunIntent::Run(_)));
         let ordered = ordered.and_then(|control| control.setpoint).map(Fresh::of);
         let wanted = ordered.or_else(|| fresh(&self.setting));
-        output.zip(wanted).is_some_and(|(output, wanted)| output.is_near(wanted))
+        output
+            .zip(wanted)
+            .is_some_and(|(output, wanted)| output.is_near(wanted))
     }
 
     /// Whether a warning is active, by a fresh reading.
     pub(super) fn warns(&self, view: &DriveView, now: MonoTime) -> bool {
         self.warning.as_ref().is_some_and(|(register, freshness)| {
-            let is_fresh = freshness.ends_at(register, &view.snapshot).is_some_and(|ends_at| now < ends_at);
-            let shown = register.code(|address| view.snapshot.reading(address).map(|reading| reading.raw));
+            let is_fresh = freshness
+                .ends_at(register, &view.snapshot)
+                .is_some_and(|ends_at| now < ends_at);
+            let shown =
+                register.code(|address| view.snapshot.reading(address).map(|reading| reading.raw));
             is_fresh && shown.is_some_and(|shown| shown != 0)
         })
     }
@@ -85,7 +102,9 @@ impl Sources {
     /// Whether a polled value is stale or was never read.
     pub(super) fn is_stale(&self, view: &DriveView, now: MonoTime) -> bool {
         self.polled.iter().any(|(register, freshness)| {
-            freshness.ends_at(register, &view.snapshot).is_none_or(|ends_at| now >= ends_at)
+            freshness
+                .ends_at(register, &view.snapshot)
+                .is_none_or(|ends_at| now >= ends_at)
         })
     }
 

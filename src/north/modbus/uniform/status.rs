@@ -82,12 +82,20 @@ pub mod capability {
 
 /// The run state of the drive. It is unknown for a drive that is out of reach.
 pub(super) fn run_state(view: &DriveView) -> RunState {
-    if !view.line_is_up || view.snapshot.presence == Presence::Offline { RunState::Offline } else { view.run_state }
+    if !view.line_is_up || view.snapshot.presence == Presence::Offline {
+        RunState::Offline
+    } else {
+        view.run_state
+    }
 }
 
 /// Whether a trip is active; `None` while that is unknown.
 pub(super) fn is_tripped(view: &DriveView) -> Option<bool> {
-    if run_state(view) == RunState::Tripped { Some(true) } else { view.trip.active }
+    if run_state(view) == RunState::Tripped {
+        Some(true)
+    } else {
+        view.trip.active
+    }
 }
 
 /// Uniform word 1.
@@ -97,20 +105,37 @@ pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> 
     let state = run_state(view);
     let control = view.control.as_ref().filter(|_| sources.has_control);
     let is_local = view.is_online() && view.status.is_local() == Some(true);
-    let is_leased = control.and_then(|control| control.lease).is_some_and(|(_, until)| now < until);
+    let is_leased = control
+        .and_then(|control| control.lease)
+        .is_some_and(|(_, until)| now < until);
     [
         (view.is_online(), bit::ONLINE),
         (state.is_running(), bit::RUNNING),
         (state == RunState::Reverse, bit::REVERSE),
         (is_tripped(view) == Some(true), bit::TRIPPED),
-        (state.is_running() && sources.is_at_setpoint(view, now), bit::AT_SETPOINT),
-        (view.is_online() && sources.has_control && !is_local && !listens, bit::ACCEPTS),
-        (control.is_some_and(|control| control.command_pending || control.stop_pending), bit::PENDING),
+        (
+            state.is_running() && sources.is_at_setpoint(view, now),
+            bit::AT_SETPOINT,
+        ),
+        (
+            view.is_online() && sources.has_control && !is_local && !listens,
+            bit::ACCEPTS,
+        ),
+        (
+            control.is_some_and(|control| control.command_pending || control.stop_pending),
+            bit::PENDING,
+        ),
         (is_leased, bit::LEASED),
         (sources.is_stale(view, now), bit::STALE),
-        (control.is_some_and(|control| control.start_inhibited), bit::INHIBITED),
+        (
+            control.is_some_and(|control| control.start_inhibited),
+            bit::INHIBITED,
+        ),
         (is_local, bit::LOCAL),
-        (view.is_online() && view.status.alarm == Some(true), bit::ALARM),
+        (
+            view.is_online() && view.status.alarm == Some(true),
+            bit::ALARM,
+        ),
         (view.is_online() && sources.warns(view, now), bit::WARNING),
         (listens, bit::STANDBY),
     ]
@@ -123,13 +148,25 @@ pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> 
 pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 {
     let control = view.control.as_ref();
     [
-        (control.is_some_and(|control| control.not_effective), alarm::NOT_EFFECTIVE),
-        (control.is_some_and(|control| control.failsafe.is_some()), alarm::FAIL_SAFE),
+        (
+            control.is_some_and(|control| control.not_effective),
+            alarm::NOT_EFFECTIVE,
+        ),
+        (
+            control.is_some_and(|control| control.failsafe.is_some()),
+            alarm::FAIL_SAFE,
+        ),
         (sources.is_stale(view, now), alarm::STALE),
         (!view.line_is_up, alarm::LINE_DOWN),
         (view.sight.may_still_run, alarm::MAY_STILL_RUN),
-        (control.is_some_and(|control| control.output_outside), alarm::OUTPUT_OUTSIDE),
-        (control.is_some_and(|control| control.stopped_elsewhere), alarm::STOPPED_ELSEWHERE),
+        (
+            control.is_some_and(|control| control.output_outside),
+            alarm::OUTPUT_OUTSIDE,
+        ),
+        (
+            control.is_some_and(|control| control.stopped_elsewhere),
+            alarm::STOPPED_ELSEWHERE,
+        ),
     ]
     .into_iter()
     .filter_map(|(is_set, bit)| is_set.then_some(bit))
@@ -144,7 +181,12 @@ pub(super) fn alarms(sources: &Sources, view: &DriveView, now: MonoTime) -> u16 
 /// what was ordered; and with control accepts, pending, leased and inhibited.
 pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
     let has_flag = |flag| drive.model.status_flag(flag).is_some();
-    let has_reverse = sources.has_control && drive.model.run.as_ref().is_some_and(|run| run.reverse.is_some());
+    let has_reverse = sources.has_control
+        && drive
+            .model
+            .run
+            .as_ref()
+            .is_some_and(|run| run.reverse.is_some());
     let turns = sources.output_frequency.is_some() || has_flag(Flag::Running);
     let with_control = bit::ACCEPTS | bit::PENDING | bit::LEASED | bit::INHIBITED;
     [
@@ -152,10 +194,17 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
         (turns, bit::RUNNING),
         (has_reverse || has_flag(Flag::Reverse), bit::REVERSE),
         (sources.has_trips, bit::TRIPPED),
-        (sources.output_frequency.is_some() && (sources.setting.is_some() || sources.has_control), bit::AT_SETPOINT),
+        (
+            sources.output_frequency.is_some()
+                && (sources.setting.is_some() || sources.has_control),
+            bit::AT_SETPOINT,
+        ),
         (sources.has_control, with_control),
         (!sources.polled.is_empty(), bit::STALE),
-        (has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency), bit::LOCAL),
+        (
+            has_flag(Flag::BusRun) || has_flag(Flag::BusFrequency),
+            bit::LOCAL,
+        ),
         (has_flag(Flag::Alarm), bit::ALARM),
         (sources.warning.is_some(), bit::WARNING),
     ]
@@ -166,16 +215,27 @@ pub(super) fn reported(drive: &DriveDescription, sources: &Sources) -> u16 {
 
 /// Uniform word 26: what the model can do and the control section allows.
 pub(super) fn capabilities(model: &Model, control: Option<&ControlSettings>) -> u16 {
-    let (Some(control), Some(run)) = (control, &model.run) else { return 0 };
+    let (Some(control), Some(run)) = (control, &model.run) else {
+        return 0;
+    };
     let may = |action| run.may(action, &control.accept_unverified);
     let turns = |direction| control.directions.contains(&direction);
     [
         (turns(Direction::Forward), capability::FORWARD),
-        (turns(Direction::Reverse) && may(ControlAction::Reverse), capability::REVERSE),
+        (
+            turns(Direction::Reverse) && may(ControlAction::Reverse),
+            capability::REVERSE,
+        ),
         (may(ControlAction::Coast), capability::COAST),
         (may(ControlAction::Reset), capability::RESET),
-        (model.register_for(Role::FrequencyCommand).is_some(), capability::SETPOINT),
-        (control.allow_release && may(ControlAction::Release), capability::RELEASE),
+        (
+            model.register_for(Role::FrequencyCommand).is_some(),
+            capability::SETPOINT,
+        ),
+        (
+            control.allow_release && may(ControlAction::Release),
+            capability::RELEASE,
+        ),
         (control.allow_take, capability::TAKE),
     ]
     .into_iter()

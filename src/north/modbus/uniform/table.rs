@@ -1,7 +1,8 @@
 //! The words of a uniform unit: one row defines what a word is, how it is read, and whether a drive has it.
 
 use super::super::map::{
-    AGE, COUNT, HUNDREDTHS, Holds, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, SECONDS, TRIP, TRIPS, row,
+    AGE, COUNT, HUNDREDTHS, Holds, MapRow, MapTable, MapUnit, RESERVED, RUN_STATES, SECONDS, TRIP,
+    TRIPS, row,
 };
 use super::column::{ABSENT, ABSENT_SIGNED, Column};
 use super::sources::Sources;
@@ -58,9 +59,11 @@ enum Has {
 }
 
 const TENTHS: Steps = Steps::Unsigned(10);
-const OUTCOMES: Holds =
-    Holds::Codes("0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed");
-const RUN_VALUES: Holds = Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
+const OUTCOMES: Holds = Holds::Codes(
+    "0 none so far, 1 refused, 2 expired, 3 superseded, 4 failed, 5 unknown, 6 acknowledged, 7 confirmed",
+);
+const RUN_VALUES: Holds =
+    Holds::Codes("0 stop, 1 forward, 2 reverse, 3 coast, 4 reset, 5 release, 6 take");
 const OWNERS: Holds = Holds::Codes(
     "0 none, 1 MQTT, 2 another Modbus TCP client, 3 this client, 4 a tool at the gateway's host, 5 an operator on the page, \
      6 a Sparkplug host",
@@ -69,7 +72,8 @@ const ALARMS: Holds = Holds::Codes(
     "bit 0 a stop had no effect, 1 fail-safe due or done, 2 stale data, 3 line down, 4 may still run, 5 output outside \
      limits, 6 stopped elsewhere",
 );
-const CAPABILITIES: Holds = Holds::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
+const CAPABILITIES: Holds =
+    Holds::Codes("bit 0 forward, 1 reverse, 2 coast, 3 reset, 4 setpoint, 5 release, 6 take");
 
 type Read = fn(&Uniform, &Look<'_>) -> u16;
 type Find = fn(&Sources) -> Option<&Column>;
@@ -84,7 +88,11 @@ const fn state(address: u16, name: &'static str, holds: Holds, read: Read) -> Wo
 
 const fn control(address: u16, name: &'static str, holds: Holds, read: Read) -> WordRow {
     let row = row(MapUnit::Uniform, MapTable::Holding, address, name, holds);
-    WordRow { row, from: From::State(read), has: Has::Always }
+    WordRow {
+        row,
+        from: From::State(read),
+        has: Has::Always,
+    }
 }
 
 const fn measured(
@@ -95,32 +103,68 @@ const fn measured(
     steps: Steps,
     find: Find,
 ) -> WordRow {
-    let row = row(MapUnit::Uniform, MapTable::Word, address, name, Holds::Steps(step, unit));
+    let row = row(
+        MapUnit::Uniform,
+        MapTable::Word,
+        address,
+        name,
+        Holds::Steps(step, unit),
+    );
     let row = match steps {
         Steps::Unsigned(_) | Steps::Frequency => row.or_absent(),
         Steps::Signed(_) => row.signed(),
         Steps::Long => row.or_absent().words(2),
     };
-    WordRow { row, from: From::Measurement(find, steps), has: Has::Measurement }
+    WordRow {
+        row,
+        from: From::Measurement(find, steps),
+        has: Has::Measurement,
+    }
 }
 
-const fn used(address: u16, name: &'static str, step: &'static str, steps: u64, part: UsagePart) -> WordRow {
-    let row = row(MapUnit::Uniform, MapTable::Word, address, name, Holds::Steps(step, part.unit().symbol()));
-    WordRow { row: row.or_absent().words(2), from: From::Usage(part, steps), has: Has::Usage }
+const fn used(
+    address: u16,
+    name: &'static str,
+    step: &'static str,
+    steps: u64,
+    part: UsagePart,
+) -> WordRow {
+    let row = row(
+        MapUnit::Uniform,
+        MapTable::Word,
+        address,
+        name,
+        Holds::Steps(step, part.unit().symbol()),
+    );
+    WordRow {
+        row: row.or_absent().words(2),
+        from: From::Usage(part, steps),
+        has: Has::Usage,
+    }
 }
 
 impl WordRow {
     const fn written(self) -> Self {
-        Self { row: self.row.written(), ..self }
+        Self {
+            row: self.row.written(),
+            ..self
+        }
     }
 
     const fn words(self, count: u16) -> Self {
-        Self { row: self.row.words(count), ..self }
+        Self {
+            row: self.row.words(count),
+            ..self
+        }
     }
 
     /// It reads absent where the drive does not have it.
     const fn where_it_has(self, has: Has) -> Self {
-        Self { row: self.row.or_absent(), has, ..self }
+        Self {
+            row: self.row.or_absent(),
+            has,
+            ..self
+        }
     }
 
     /// The word at `address`, which belongs to this row.
@@ -128,16 +172,25 @@ impl WordRow {
         match self.from {
             From::State(read) => read(unit, look),
             From::Measurement(find, steps) => {
-                let fresh = find(&unit.sources).and_then(|column| column.fresh(look.view, look.present.now));
+                let fresh = find(&unit.sources)
+                    .and_then(|column| column.fresh(look.view, look.present.now));
                 match steps {
                     Steps::Unsigned(steps) => fresh.map_or(ABSENT, |value| value.unsigned(steps)),
-                    Steps::Frequency => fresh.map_or(ABSENT, |value| value.magnitude().unsigned(100)),
-                    Steps::Signed(steps) => fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps)),
+                    Steps::Frequency => {
+                        fresh.map_or(ABSENT, |value| value.magnitude().unsigned(100))
+                    }
+                    Steps::Signed(steps) => {
+                        fresh.map_or(ABSENT_SIGNED, |value| value.signed(steps))
+                    }
                     Steps::Long => self.long(address, fresh.map(|value| value.in_steps(1))),
                 }
             }
             From::Usage(part, steps) => {
-                let used = look.view.usage.steps(part, steps).filter(|_| unit.sources.usage.has(part));
+                let used = look
+                    .view
+                    .usage
+                    .steps(part, steps)
+                    .filter(|_| unit.sources.usage.has(part));
                 let used = used.map(|used| used.min(u64::from(u32::MAX - 1)));
                 self.long(address, used.and_then(|used| i64::try_from(used).ok()))
             }
@@ -146,9 +199,15 @@ impl WordRow {
 
     /// The word at `address` of a number of two words; absent if it is not known or does not fit.
     fn long(&self, address: u16, number: Option<i64>) -> u16 {
-        let whole = number.and_then(|number| u32::try_from(number).ok()).unwrap_or(u32::MAX);
+        let whole = number
+            .and_then(|number| u32::try_from(number).ok())
+            .unwrap_or(u32::MAX);
         let is_high = address == self.row.address;
-        if is_high { (whole >> 16) as u16 } else { (whole & 0xFFFF) as u16 }
+        if is_high {
+            (whole >> 16) as u16
+        } else {
+            (whole & 0xFFFF) as u16
+        }
     }
 
     /// What its measurement comes from; `None` if the drive does not have it, or it is no measurement.
@@ -177,48 +236,140 @@ impl WordRow {
 /// All words, in order of address.
 pub(in super::super) const WORDS: [WordRow; WORD_ROWS] = [
     state(0, "map version", Holds::Number("1"), |_, _| MAP_VERSION),
-    state(1, "status bits", Holds::Codes("bit n is discrete input n"), Uniform::status_word),
-    state(2, "run state", RUN_STATES, |_, look| status::run_state(look.view).number()),
+    state(
+        1,
+        "status bits",
+        Holds::Codes("bit n is discrete input n"),
+        Uniform::status_word,
+    ),
+    state(2, "run state", RUN_STATES, |_, look| {
+        status::run_state(look.view).number()
+    }),
     state(3, "trip code", TRIP, Uniform::trip_code).where_it_has(Has::Tripped),
-    measured(4, "output frequency", "0.01", "Hz", Steps::Frequency, |it| it.output_frequency.as_ref()),
-    measured(5, "frequency setting of the drive", "0.01", "Hz", Steps::Frequency, |it| it.setting.as_ref()),
-    measured(6, "output current", "0.1", "A", TENTHS, |it| it.current.as_ref()),
-    measured(7, "output voltage", "0.1", "V", TENTHS, |it| it.voltage.as_ref()),
-    measured(8, "DC link voltage", "0.1", "V", TENTHS, |it| it.dc_voltage.as_ref()),
-    measured(9, "output power", "0.1", "kW", TENTHS, |it| it.power.as_ref()),
-    measured(10, "torque", "0.1", "%", Steps::Signed(10), |it| it.torque.as_ref()),
-    measured(11, "temperature", "0.1", "degC", Steps::Signed(10), |it| it.temperature.as_ref()),
-    state(12, "age of the oldest polled value, 65535 more", AGE, |unit, look| {
-        age_word(unit.sources.oldest_age(look.view, look.present.now))
-    })
+    measured(
+        4,
+        "output frequency",
+        "0.01",
+        "Hz",
+        Steps::Frequency,
+        |it| it.output_frequency.as_ref(),
+    ),
+    measured(
+        5,
+        "frequency setting of the drive",
+        "0.01",
+        "Hz",
+        Steps::Frequency,
+        |it| it.setting.as_ref(),
+    ),
+    measured(6, "output current", "0.1", "A", TENTHS, |it| {
+        it.current.as_ref()
+    }),
+    measured(7, "output voltage", "0.1", "V", TENTHS, |it| {
+        it.voltage.as_ref()
+    }),
+    measured(8, "DC link voltage", "0.1", "V", TENTHS, |it| {
+        it.dc_voltage.as_ref()
+    }),
+    measured(9, "output power", "0.1", "kW", TENTHS, |it| {
+        it.power.as_ref()
+    }),
+    measured(10, "torque", "0.1", "%", Steps::Signed(10), |it| {
+        it.torque.as_ref()
+    }),
+    measured(11, "temperature", "0.1", "degC", Steps::Signed(10), |it| {
+        it.temperature.as_ref()
+    }),
+    state(
+        12,
+        "age of the oldest polled value, 65535 more",
+        AGE,
+        |unit, look| age_word(unit.sources.oldest_age(look.view, look.present.now)),
+    )
     .where_it_has(Has::Polled),
     state(13, "trips that are kept", TRIPS, Uniform::trips_kept).where_it_has(Has::Trips),
     state(14, "code of the last of them", TRIP, Uniform::last_trip).where_it_has(Has::Trips),
-    state(15, "status bits that this drive can report", Holds::Codes("mask of word 1"), Uniform::status_mask),
-    state(16, "life counter, wraps", SECONDS, |_, look| life(look.present)),
-    state(17, "alarms", ALARMS, |unit, look| status::alarms(&unit.sources, look.view, look.present.now)),
+    state(
+        15,
+        "status bits that this drive can report",
+        Holds::Codes("mask of word 1"),
+        Uniform::status_mask,
+    ),
+    state(16, "life counter, wraps", SECONDS, |_, look| {
+        life(look.present)
+    }),
+    state(17, "alarms", ALARMS, |unit, look| {
+        status::alarms(&unit.sources, look.view, look.present.now)
+    }),
     state(18, "lease left", SECONDS, Uniform::lease_left),
     state(19, "owner of the lease", OWNERS, Uniform::lease_owner),
     state(20, "lowest setpoint", HUNDREDTHS, |unit, _| unit.limits[0]).where_it_has(Has::Control),
     state(21, "highest setpoint", HUNDREDTHS, |unit, _| unit.limits[1]).where_it_has(Has::Control),
-    measured(22, "run hours", "1", "h", Steps::Long, |it| it.run_hours.as_ref()),
-    measured(24, "output current, finer", "0.01", "A", Steps::Unsigned(100), |it| it.current.as_ref()),
-    measured(25, "output power, finer", "0.01", "kW", Steps::Unsigned(100), |it| it.power.as_ref()),
-    state(26, "capabilities", CAPABILITIES, |unit, _| unit.capabilities),
+    measured(22, "run hours", "1", "h", Steps::Long, |it| {
+        it.run_hours.as_ref()
+    }),
+    measured(
+        24,
+        "output current, finer",
+        "0.01",
+        "A",
+        Steps::Unsigned(100),
+        |it| it.current.as_ref(),
+    ),
+    measured(
+        25,
+        "output power, finer",
+        "0.01",
+        "kW",
+        Steps::Unsigned(100),
+        |it| it.power.as_ref(),
+    ),
+    state(26, "capabilities", CAPABILITIES, |unit, _| {
+        unit.capabilities
+    }),
     state(27, "reserved", RESERVED, |_, _| 0).words(5),
     used(32, "energy used", "0.1", 10, UsagePart::Energy),
     used(34, "time of running", "0.1", 10, UsagePart::RunningHours),
     used(36, "starts", "1", 1, UsagePart::Starts),
-    used(38, "trips, earlier processes included", "1", 1, UsagePart::Trips),
-    control(address::RUN, "run command", RUN_VALUES, |unit, look| unit.intent(look.view)).written(),
-    control(address::SETPOINT, "frequency setpoint", HUNDREDTHS, Uniform::setpoint)
-        .written()
-        .where_it_has(Has::Control),
-    control(address::RENEW, "write any value: renew the lease; reads lease left", SECONDS, Uniform::lease_left)
-        .written(),
-    control(259, "outcome of the drive's last command", OUTCOMES, Uniform::last_outcome),
+    used(
+        38,
+        "trips, earlier processes included",
+        "1",
+        1,
+        UsagePart::Trips,
+    ),
+    control(address::RUN, "run command", RUN_VALUES, |unit, look| {
+        unit.intent(look.view)
+    })
+    .written(),
+    control(
+        address::SETPOINT,
+        "frequency setpoint",
+        HUNDREDTHS,
+        Uniform::setpoint,
+    )
+    .written()
+    .where_it_has(Has::Control),
+    control(
+        address::RENEW,
+        "write any value: renew the lease; reads lease left",
+        SECONDS,
+        Uniform::lease_left,
+    )
+    .written(),
+    control(
+        259,
+        "outcome of the drive's last command",
+        OUTCOMES,
+        Uniform::last_outcome,
+    ),
     control(260, "commands", COUNT, Uniform::commands),
-    control(261, "reason of the drive's last command", Holds::Reason, Uniform::last_reason),
+    control(
+        261,
+        "reason of the drive's last command",
+        Holds::Reason,
+        Uniform::last_reason,
+    ),
 ];
 
 const WORD_ROWS: usize = 37;
@@ -241,7 +392,11 @@ const PLACES: [u8; WORD_COUNT] = {
 };
 
 const fn index(address: u16) -> usize {
-    if address < PICTURE_WORDS { address as usize } else { (PICTURE_WORDS + address - address::RUN) as usize }
+    if address < PICTURE_WORDS {
+        address as usize
+    } else {
+        (PICTURE_WORDS + address - address::RUN) as usize
+    }
 }
 
 /// The row of the word at `address`; `None` outside of the map.

@@ -22,7 +22,12 @@ pub(super) struct Look<'v> {
 
 impl Uniform {
     /// The holding register at `address`; `None` outside of the map.
-    pub(in super::super) fn word(&self, address: u16, view: &DriveView, present: &Present) -> Option<u16> {
+    pub(in super::super) fn word(
+        &self,
+        address: u16,
+        view: &DriveView,
+        present: &Present,
+    ) -> Option<u16> {
         Some(row_at(address)?.read(address, self, &Look { view, present }))
     }
 
@@ -69,7 +74,11 @@ impl Uniform {
 
     /// It stays at 65534 rather than reading as absent or wrapping.
     pub(super) fn trips_kept(&self, look: &Look<'_>) -> u16 {
-        if self.sources.has_trips { look.view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16 } else { ABSENT }
+        if self.sources.has_trips {
+            look.view.trip_kept.total.min(u32::from(ABSENT - 1)) as u16
+        } else {
+            ABSENT
+        }
     }
 
     /// 0 without a trip; absent if its number could not be read.
@@ -82,13 +91,18 @@ impl Uniform {
 
     /// The owner of control, and the remaining time without a heartbeat.
     fn lease(&self, view: &DriveView, now: MonoTime) -> Option<(Owner, Duration)> {
-        let (owner, until) = view.control.as_ref().filter(|_| self.has_control())?.lease?;
+        let (owner, until) = view
+            .control
+            .as_ref()
+            .filter(|_| self.has_control())?
+            .lease?;
         (now < until).then(|| (owner, until.since(now)))
     }
 
     /// Words 18 and 258.
     pub(super) fn lease_left(&self, look: &Look<'_>) -> u16 {
-        self.lease(look.view, look.present.now).map_or(0, |(_, left)| seconds_word(left))
+        self.lease(look.view, look.present.now)
+            .map_or(0, |(_, left)| seconds_word(left))
     }
 
     /// Word 19.
@@ -100,12 +114,16 @@ impl Uniform {
     /// Word 257.
     pub(super) fn setpoint(&self, look: &Look<'_>) -> u16 {
         let setpoint = self.control_of(look).and_then(|control| control.setpoint);
-        setpoint.and_then(|setpoint| setpoint.centihertz()).unwrap_or(ABSENT)
+        setpoint
+            .and_then(|setpoint| setpoint.centihertz())
+            .unwrap_or(ABSENT)
     }
 
     /// Word 259.
     pub(super) fn last_outcome(&self, look: &Look<'_>) -> u16 {
-        let last = self.control_of(look).and_then(|control| control.last.as_ref());
+        let last = self
+            .control_of(look)
+            .and_then(|control| control.last.as_ref());
         last.map_or(0, |report| report.outcome.number())
     }
 
@@ -116,7 +134,9 @@ impl Uniform {
 
     /// Word 261.
     pub(super) fn last_reason(&self, look: &Look<'_>) -> u16 {
-        let last = self.control_of(look).and_then(|control| control.last.as_ref());
+        let last = self
+            .control_of(look)
+            .and_then(|control| control.last.as_ref());
         last.map_or(0, |report| report.reason.number())
     }
 
@@ -131,12 +151,17 @@ pub(super) const fn life(present: &Present) -> u16 {
 }
 
 pub(super) fn age_word(age: Option<Duration>) -> u16 {
-    age.and_then(|age| u16::try_from(age.as_millis() / AGE_STEP_MS).ok()).unwrap_or(ABSENT)
+    age.and_then(|age| u16::try_from(age.as_millis() / AGE_STEP_MS).ok())
+        .unwrap_or(ABSENT)
 }
 
 /// Whole seconds; a lease that never ends reads 65534.
 fn seconds_word(left: Duration) -> u16 {
-    unsigned(i64::try_from(left.as_secs()).unwrap_or(i64::MAX).min(i64::from(ABSENT - 1)))
+    unsigned(
+        i64::try_from(left.as_secs())
+            .unwrap_or(i64::MAX)
+            .min(i64::from(ABSENT - 1)),
+    )
 }
 
 fn owner_class(owner: Owner, client: Owner) -> u16 {

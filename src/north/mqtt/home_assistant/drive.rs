@@ -11,9 +11,10 @@ use crate::north::mqtt::topics::Topics;
 use crate::north::mqtt::types::Combined;
 use crate::profile::model::{Flag, Model, Register, Role};
 
-const RUN_STATES: [&str; 7] = ["unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped"];
-pub(super) const RUNNING: &str =
-    "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
+const RUN_STATES: [&str; 7] = [
+    "unknown", "stopped", "forward", "reverse", "running", "stopping", "tripped",
+];
+pub(super) const RUNNING: &str = "{{ None if value in ('', 'unknown') else value in ('forward', 'reverse', 'running', 'stopping') }}";
 const WATCHDOG: &str = "{% set dog = value_json.watchdog if value else None %}\
                         {{ None if not dog or dog.state == 'unknown' else dog.state != 'in_order' }}";
 /// What was last seen of a drive that is out of sight.
@@ -25,7 +26,11 @@ const OWNER: &str = "{{ (value_json.control.owner or 'nobody') if value else 'un
 const TRIP_EVENT: &str = "{{ dict(value_json, event_type=value_json.kind) | to_json }}";
 
 /// The entities of `drive`, in the order in which they are announced.
-pub(super) fn entities(topics: &Topics, drive: &DriveDescription, combined: &[Combined]) -> Vec<Entity> {
+pub(super) fn entities(
+    topics: &Topics,
+    drive: &DriveDescription,
+    combined: &[Combined],
+) -> Vec<Entity> {
     let topic = |rest: &str| topics.drive(drive.name.as_str(), rest);
     let mut entities = vec![connected(topic("availability"))];
     for (kind, rest) in kinds(drive) {
@@ -34,8 +39,14 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription, combined: &[Co
     entities.extend(told_by_state(drive, &topic("state")));
     if drive.model.trip_register().is_some() {
         let event = Entity::new(Component::Event, "trip", "Trip", Needs::Drive);
-        let event = event.made_of(topic("trip/event"), TRIP_EVENT).icon("mdi:alert-octagon");
-        entities.push(event.with("event_types", vec!["tripped", "cleared"]).with("qos", 1));
+        let event = event
+            .made_of(topic("trip/event"), TRIP_EVENT)
+            .icon("mdi:alert-octagon");
+        entities.push(
+            event
+                .with("event_types", vec!["tripped", "cleared"])
+                .with("qos", 1),
+        );
     }
     entities.extend(control::entities(topics, drive));
     entities.extend(combined::entities(topics, drive, combined));
@@ -43,8 +54,17 @@ pub(super) fn entities(topics: &Topics, drive: &DriveDescription, combined: &[Co
 }
 
 fn connected(topic: String) -> Entity {
-    let entity = Entity::new(Component::BinarySensor, "connected", "Connected", Needs::Gateway);
-    entity.showing(topic).words("online", "offline").class("connectivity").diagnostic()
+    let entity = Entity::new(
+        Component::BinarySensor,
+        "connected",
+        "Connected",
+        Needs::Gateway,
+    );
+    entity
+        .showing(topic)
+        .words("online", "offline")
+        .class("connectivity")
+        .diagnostic()
 }
 
 /// The content of the topic that shows `kind`.
@@ -54,33 +74,67 @@ fn shown(drive: &DriveDescription, kind: Kind, rest: &str, topic: String) -> Vec
     let tells_trips = model.trip_register().is_some();
     match kind {
         Kind::RunState => run_state(&topic).into(),
-        Kind::Polled(place) => {
-            model.registers.get(place).map(|it| measured(drive, it, rest, topic)).into_iter().collect()
-        }
+        Kind::Polled(place) => model
+            .registers
+            .get(place)
+            .map(|it| measured(drive, it, rest, topic))
+            .into_iter()
+            .collect(),
         Kind::Rated(place) => {
-            let unit = model.registers.get(place).and_then(|it| Rated::of(it, &drive.ratings)).map(|it| it.unit);
-            unit.map(|unit| value(rest, topic, unit, Some(2))).into_iter().collect()
+            let unit = model
+                .registers
+                .get(place)
+                .and_then(|it| Rated::of(it, &drive.ratings))
+                .map(|it| it.unit);
+            unit.map(|unit| value(rest, topic, unit, Some(2)))
+                .into_iter()
+                .collect()
         }
         Kind::Setpoint => vec![value(rest, topic, UnitOfMeasure::Hertz, None)],
         Kind::TripActive if tells_trips => {
             let problem = Entity::new(Component::BinarySensor, "tripped", "Tripped", Needs::Drive);
-            vec![problem.showing(topic).words("true", "false").class("problem")]
+            vec![
+                problem
+                    .showing(topic)
+                    .words("true", "false")
+                    .class("problem"),
+            ]
         }
-        Kind::TripCode if tells_trips => vec![sensor("trip_code", "Trip code").telling(topic).diagnostic()],
-        Kind::TripText if tells_trips => vec![sensor("trip_text", "Trip text").telling(topic).diagnostic()],
+        Kind::TripCode if tells_trips => {
+            vec![sensor("trip_code", "Trip code").telling(topic).diagnostic()]
+        }
+        Kind::TripText if tells_trips => {
+            vec![sensor("trip_text", "Trip text").telling(topic).diagnostic()]
+        }
         Kind::TripCount if model.register_for(Role::TripCount).is_some() => {
             let count = sensor("trip_count", "Trips").showing(topic).diagnostic();
             vec![count.with("state_class", "total_increasing")]
         }
         Kind::WarningActive => {
             let warning = Entity::new(Component::BinarySensor, "warning", "Warning", Needs::Drive);
-            vec![warning.showing(topic).words("true", "false").class("problem").diagnostic()]
+            vec![
+                warning
+                    .showing(topic)
+                    .words("true", "false")
+                    .class("problem")
+                    .diagnostic(),
+            ]
         }
-        Kind::WarningCode => vec![sensor("warning_code", "Warning code").telling(topic).diagnostic()],
-        Kind::WarningText => vec![sensor("warning_text", "Warning text").telling(topic).diagnostic()],
+        Kind::WarningCode => vec![
+            sensor("warning_code", "Warning code")
+                .telling(topic)
+                .diagnostic(),
+        ],
+        Kind::WarningText => vec![
+            sensor("warning_text", "Warning text")
+                .telling(topic)
+                .diagnostic(),
+        ],
         Kind::Usage(part) => vec![used(part, topic)],
         // The event shows it, the state shows the owner of control, and a parameter is read by those who know it.
-        Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => Vec::new(),
+        Kind::TripActive | Kind::TripCode | Kind::TripText | Kind::TripCount | Kind::TripLast => {
+            Vec::new()
+        }
         Kind::Availability | Kind::Owner | Kind::Param(_) => Vec::new(),
     }
 }
@@ -93,8 +147,16 @@ fn used(part: UsagePart, topic: String) -> Entity {
         UsagePart::Starts => ("Starts", None, Some("mdi:counter")),
         UsagePart::Trips => ("Trips in total", None, Some("mdi:counter")),
     };
-    let entity = Entity::new(Component::Sensor, format!("usage_{}", part.word()), name, Needs::Gateway);
-    let entity = entity.showing(topic).measured_in(part.unit(), decimals).with("state_class", "total_increasing");
+    let entity = Entity::new(
+        Component::Sensor,
+        format!("usage_{}", part.word()),
+        name,
+        Needs::Gateway,
+    );
+    let entity = entity
+        .showing(topic)
+        .measured_in(part.unit(), decimals)
+        .with("state_class", "total_increasing");
     icon.map_or(entity.clone(), |icon| entity.icon(icon))
 }
 
@@ -102,15 +164,23 @@ fn run_state(topic: &str) -> [Entity; 2] {
     let state = Entity::new(Component::Sensor, "run_state", "Run state", Needs::Drive);
     let running = Entity::new(Component::BinarySensor, "running", "Running", Needs::Drive);
     [
-        state.telling(topic.to_owned()).class("enum").with("options", RUN_STATES.to_vec()).icon("mdi:engine"),
-        running.made_of(topic.to_owned(), RUNNING).words("True", "False").class("running"),
+        state
+            .telling(topic.to_owned())
+            .class("enum")
+            .with("options", RUN_STATES.to_vec())
+            .icon("mdi:engine"),
+        running
+            .made_of(topic.to_owned(), RUNNING)
+            .words("True", "False")
+            .class("running"),
     ]
 }
 
 /// A polled register. One that holds codes or bits is for experts.
 fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: String) -> Entity {
     let digits = register.scale.ilog10();
-    let is_decimal = 10_u32.checked_pow(digits) == Some(register.scale) || !register.form.is_plain();
+    let is_decimal =
+        10_u32.checked_pow(digits) == Some(register.scale) || !register.form.is_plain();
     let exact = is_decimal.then(|| u32::from(register.digits()));
     let decimals = drive.points.decimals_of(register).map(u32::from).or(exact);
     let entity = value(rest, topic, register.unit, decimals);
@@ -124,7 +194,10 @@ fn measured(drive: &DriveDescription, register: &Register, rest: &str, topic: St
 
 /// Whether the unit is that of a meter, which only rises, or is set back to 0.
 const fn counts_energy(unit: UnitOfMeasure) -> bool {
-    matches!(unit, UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour)
+    matches!(
+        unit,
+        UnitOfMeasure::KilowattHour | UnitOfMeasure::MegawattHour
+    )
 }
 
 /// A value on the topic `rest` below the drive's.
@@ -139,8 +212,14 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
     };
     let entity = Entity::new(Component::Sensor, key, name, Needs::Drive);
     match unit {
-        UnitOfMeasure::None => entity.telling(topic).diagnostic().with("enabled_by_default", false),
-        unit => entity.showing(topic).measured_in(unit, decimals).with("state_class", "measurement"),
+        UnitOfMeasure::None => entity
+            .telling(topic)
+            .diagnostic()
+            .with("enabled_by_default", false),
+        unit => entity
+            .showing(topic)
+            .measured_in(unit, decimals)
+            .with("state_class", "measurement"),
     }
 }
 
@@ -148,14 +227,29 @@ fn value(rest: &str, topic: String, unit: UnitOfMeasure, decimals: Option<u32>) 
 fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
     let sensor = |key: &str, name: &str, template: String| {
         let entity = Entity::new(Component::BinarySensor, key, name, Needs::Drive);
-        entity.made_of(topic.to_owned(), template).words("True", "False").diagnostic()
+        entity
+            .made_of(topic.to_owned(), template)
+            .words("True", "False")
+            .diagnostic()
     };
     // It is about a drive that is not there.
-    let unseen = Entity::new(Component::BinarySensor, "may_still_run", "May still run", Needs::Gateway);
-    let unseen = unseen.made_of(topic.to_owned(), json_at("may_still_run")).words("True", "False");
+    let unseen = Entity::new(
+        Component::BinarySensor,
+        "may_still_run",
+        "May still run",
+        Needs::Gateway,
+    );
+    let unseen = unseen
+        .made_of(topic.to_owned(), json_at("may_still_run"))
+        .words("True", "False");
     let last_seen = Entity::new(Component::Sensor, "last_seen", "Last seen", Needs::Gateway);
-    let mut entities =
-        vec![unseen.class("problem"), last_seen.made_of(topic.to_owned(), LAST_SEEN).diagnostic().icon("mdi:eye-off")];
+    let mut entities = vec![
+        unseen.class("problem"),
+        last_seen
+            .made_of(topic.to_owned(), LAST_SEEN)
+            .diagnostic()
+            .icon("mdi:eye-off"),
+    ];
     if has(&drive.model, &[Flag::BusRun, Flag::BusFrequency]) {
         entities.push(sensor("local", "Local control", json_at("local")));
     }
@@ -166,7 +260,9 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(sensor("ready", "Ready", json_at("ready")));
     }
     if drive.model.watchdog.is_some() {
-        entities.push(sensor("watchdog", "Watchdog of the drive", WATCHDOG.to_owned()).class("problem"));
+        entities.push(
+            sensor("watchdog", "Watchdog of the drive", WATCHDOG.to_owned()).class("problem"),
+        );
     }
     if drive.control.is_some() {
         let control = |key: &str, name: &str| sensor(key, name, json_at(&format!("control.{key}")));
@@ -176,7 +272,12 @@ fn told_by_state(drive: &DriveDescription, topic: &str) -> Vec<Entity> {
         entities.push(control("output_outside", "Output outside limits").class("problem"));
         entities.push(control("stopped_elsewhere", "Stopped elsewhere").class("problem"));
         let owner = Entity::new(Component::Sensor, "owner", "Control held by", Needs::Drive);
-        entities.push(owner.made_of(topic.to_owned(), OWNER).diagnostic().icon("mdi:account-key"));
+        entities.push(
+            owner
+                .made_of(topic.to_owned(), OWNER)
+                .diagnostic()
+                .icon("mdi:account-key"),
+        );
     }
     entities
 }

@@ -57,9 +57,19 @@ const NUMBER: &str = "{{ value or None }}";
 const TEXT: &str = "{{ value or 'unknown' }}";
 
 impl Entity {
-    pub(super) fn new(component: Component, key: impl Into<String>, name: impl Into<String>, needs: Needs) -> Self {
+    pub(super) fn new(
+        component: Component,
+        key: impl Into<String>,
+        name: impl Into<String>,
+        needs: Needs,
+    ) -> Self {
         let config = Map::from_iter([("name".to_owned(), Value::from(name.into()))]);
-        Self { component, key: key.into(), needs, config }
+        Self {
+            component,
+            key: key.into(),
+            needs,
+            config,
+        }
     }
 
     pub(super) fn with(mut self, key: &str, value: impl Into<Value>) -> Self {
@@ -79,7 +89,8 @@ impl Entity {
 
     /// Shows what `template` makes of `topic`.
     pub(super) fn made_of(self, topic: String, template: impl Into<Value>) -> Self {
-        self.with("state_topic", topic).with("value_template", template)
+        self.with("state_topic", topic)
+            .with("value_template", template)
     }
 
     /// The topic carries these words for on and off.
@@ -124,7 +135,11 @@ impl Entity {
             UnitOfMeasure::None => return self,
         };
         let entity = self.with("unit_of_measurement", symbol);
-        let entity = if let Some(class) = class { entity.class(class) } else { entity };
+        let entity = if let Some(class) = class {
+            entity.class(class)
+        } else {
+            entity
+        };
         match decimals {
             Some(decimals) => entity.with("suggested_display_precision", decimals),
             None => entity,
@@ -142,9 +157,18 @@ pub(super) fn title(name: &str) -> String {
     let mut words = name.split('_').filter(|word| !word.is_empty());
     let first = words.next().map(|word| match word {
         "dc" | "ac" | "cpu" => word.to_uppercase(),
-        word => word.chars().take(1).map(|c| c.to_ascii_uppercase()).chain(word.chars().skip(1)).collect(),
+        word => word
+            .chars()
+            .take(1)
+            .map(|c| c.to_ascii_uppercase())
+            .chain(word.chars().skip(1))
+            .collect(),
     });
-    first.into_iter().chain(words.map(str::to_owned)).collect::<Vec<_>>().join(" ")
+    first
+        .into_iter()
+        .chain(words.map(str::to_owned))
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 #[cfg(test)]
@@ -153,7 +177,12 @@ mod tests {
 
     #[test]
     fn names_become_titles() {
-        for (name, right) in [("dc_voltage", "DC voltage"), ("run_hours", "Run hours"), ("a", "A"), ("x__y_", "X y")] {
+        for (name, right) in [
+            ("dc_voltage", "DC voltage"),
+            ("run_hours", "Run hours"),
+            ("a", "A"),
+            ("x__y_", "X y"),
+        ] {
             assert_eq!(title(name), right);
         }
     }

@@ -46,13 +46,20 @@ pub(super) fn parse<'t>(topic: &'t str, prefix: &str, node: &str) -> Option<(&'t
     /// Longer than every object that names can give.
     const OBJECT_MAX_BYTES: usize = 256;
     const COMPONENT_MAX_BYTES: usize = 64;
-    let (component, rest) = topic.strip_prefix(prefix)?.strip_prefix('/')?.split_once('/')?;
-    let object = rest.strip_prefix(node)?.strip_prefix('/')?.strip_suffix("/config")?;
+    let (component, rest) = topic
+        .strip_prefix(prefix)?
+        .strip_prefix('/')?
+        .split_once('/')?;
+    let object = rest
+        .strip_prefix(node)?
+        .strip_prefix('/')?
+        .strip_suffix("/config")?;
     let is_word = |text: &str, most| {
         let fits = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
         (1..=most).contains(&text.len()) && text.bytes().all(fits)
     };
-    (is_word(component, COMPONENT_MAX_BYTES) && is_word(object, OBJECT_MAX_BYTES)).then_some((component, object))
+    (is_word(component, COMPONENT_MAX_BYTES) && is_word(object, OBJECT_MAX_BYTES))
+        .then_some((component, object))
 }
 
 /// A name in the letters that such a level may have, which exclude the dot. A single `_` is followed by a letter, so
@@ -69,9 +76,15 @@ mod tests {
 
     #[test]
     fn different_names_give_different_objects() {
-        let names = ["a", "a.b", "a_b", "a-b", "a__b", "a_-b", "a.-b", "a_.b", "a_stop", "a_", "a.", "a_-", "a__"];
+        let names = [
+            "a", "a.b", "a_b", "a-b", "a__b", "a_-b", "a.-b", "a_.b", "a_stop", "a_", "a.", "a_-",
+            "a__",
+        ];
         let keys = ["stop", "b_stop", "b"];
-        let objects: BTreeSet<_> = names.iter().flat_map(|it| keys.map(|key| entity(&drive(&name(it)), key))).collect();
+        let objects: BTreeSet<_> = names
+            .iter()
+            .flat_map(|it| keys.map(|key| entity(&drive(&name(it)), key)))
+            .collect();
         assert_eq!(objects.len(), names.len() * keys.len(), "{objects:?}");
     }
 
@@ -80,8 +93,14 @@ mod tests {
         let node = node(&name("plant.a"));
         assert_eq!(node, "vfd-gateway-plant_-a");
         let own = topic("ha/disco", "sensor", &node, "drive_pump_current");
-        assert_eq!(own, "ha/disco/sensor/vfd-gateway-plant_-a/drive_pump_current/config");
-        assert_eq!(parse(&own, "ha/disco", &node), Some(("sensor", "drive_pump_current")));
+        assert_eq!(
+            own,
+            "ha/disco/sensor/vfd-gateway-plant_-a/drive_pump_current/config"
+        );
+        assert_eq!(
+            parse(&own, "ha/disco", &node),
+            Some(("sensor", "drive_pump_current"))
+        );
         for other in [
             "ha/disco/sensor/vfd-gateway-plant_-a/config",
             "ha/disco/sensor/vfd-gateway-plant_-a/x/state",

@@ -77,7 +77,10 @@ struct Way {
 impl Discovery {
     /// The path to the broker is open.
     pub(super) fn opened(&mut self, at: MonoTime) {
-        self.way = Some(Way { opened_at: at, quiet_at: at + QUIET });
+        self.way = Some(Way {
+            opened_at: at,
+            quiet_at: at + QUIET,
+        });
         self.walk = Some((0, 0));
         self.again_at = None;
         self.told = None;
@@ -108,7 +111,9 @@ impl Discovery {
             }
             return true;
         }
-        let Some((component, object)) = plant.parse(message.topic) else { return false };
+        let Some((component, object)) = plant.parse(message.topic) else {
+            return false;
+        };
         if let Some(way) = self.way.as_mut().filter(|way| at < way.quiet_at) {
             way.quiet_at = (at + QUIET).min(way.opened_at + QUIET_MAX);
         }
@@ -148,7 +153,11 @@ impl Discovery {
     /// The gateway has other drives and lines from now on.
     pub(super) fn replace(&mut self, old: &Plant<'_>, new: &Plant<'_>) {
         let wanted = new.all();
-        self.gone.extend(old.all().difference(&wanted).map(|(topic, _)| topic.clone()));
+        self.gone.extend(
+            old.all()
+                .difference(&wanted)
+                .map(|(topic, _)| topic.clone()),
+        );
         while self.gone.len() > GONE_MAX {
             self.gone.pop_last();
         }
@@ -182,7 +191,10 @@ impl Discovery {
             self.told = Some(topic.clone());
             return Some(publication(topic, MIGRATES.to_vec(), false));
         }
-        while let Some((device, entity)) = self.walk.filter(|(device, _)| plant.is_on() && plant.has_device(*device)) {
+        while let Some((device, entity)) = self
+            .walk
+            .filter(|(device, _)| plant.is_on() && plant.has_device(*device))
+        {
             if let Some((topic, payload)) = plant.announcement((device, entity)) {
                 self.walk = Some((device, entity + 1));
                 return Some(publication(topic, payload, true));
@@ -190,13 +202,18 @@ impl Discovery {
             self.walk = Some((device + 1, 0));
         }
         self.walk = None;
-        self.moving.pop_first().map(|topic| publication(topic, Vec::new(), true))
+        self.moving
+            .pop_first()
+            .map(|topic| publication(topic, Vec::new(), true))
     }
 
     /// The first entity being migrated that was not announced so yet.
     fn untold(&self) -> Option<&String> {
         match &self.told {
-            Some(told) => self.moving.range::<String, _>((Bound::Excluded(told), Bound::Unbounded)).next(),
+            Some(told) => self
+                .moving
+                .range::<String, _>((Bound::Excluded(told), Bound::Unbounded))
+                .next(),
             None => self.moving.first(),
         }
     }
@@ -206,7 +223,11 @@ impl Discovery {
         let way = self.way.filter(|_| self.in_flight.len() < IN_FLIGHT_MAX)?;
         let has_work = self.walk.is_some() || !self.gone.is_empty() || !self.moving.is_empty();
         let (begun, gone) = self.burst;
-        let room_at = if gone < BURST { begun } else { begun + BURST_EVERY };
+        let room_at = if gone < BURST {
+            begun
+        } else {
+            begun + BURST_EVERY
+        };
         let work_at = has_work.then(|| room_at.max(way.quiet_at));
         [work_at, self.again_at].into_iter().flatten().min()
     }
@@ -215,7 +236,10 @@ impl Discovery {
 impl Plant<'_> {
     /// What is subscribed. It is no failure if one of them is not granted.
     pub(super) fn subscriptions(&self) -> Vec<Filter> {
-        self.filters().into_iter().map(|path| self.topics.filter(path, true)).collect()
+        self.filters()
+            .into_iter()
+            .map(|path| self.topics.filter(path, true))
+            .collect()
     }
 }
 
@@ -224,10 +248,20 @@ const fn publication(topic: String, payload: Vec<u8>, retain: bool) -> Publicati
     let expiry = None;
     let correlation = None;
     let token = None;
-    Publication { topic, payload, retain, qos, expiry, correlation, token }
+    Publication {
+        topic,
+        payload,
+        retain,
+        qos,
+        expiry,
+        correlation,
+        token,
+    }
 }
 
 /// A number derived from a text (FNV-1a).
 fn digest(text: &str) -> u64 {
-    text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+    text.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+    })
 }

@@ -64,7 +64,14 @@ impl<'a> Plant<'a> {
     ) -> Option<Self> {
         let alive = settings.alive_topic.as_deref();
         let gateway = &settings.gateway;
-        settings.home_assistant.as_ref().map(|settings| Self { settings, alive, topics, gateway, lines, drives })
+        settings.home_assistant.as_ref().map(|settings| Self {
+            settings,
+            alive,
+            topics,
+            gateway,
+            lines,
+            drives,
+        })
     }
 
     /// Whether anything is announced at all.
@@ -77,7 +84,10 @@ impl<'a> Plant<'a> {
     pub(super) fn filters(&self) -> Vec<String> {
         let birth = self.birth();
         let birth = Some(birth).filter(|birth| self.is_on() && self.alive != Some(birth));
-        birth.into_iter().chain([ids::filter(&self.settings.prefix, &self.node())]).collect()
+        birth
+            .into_iter()
+            .chain([ids::filter(&self.settings.prefix, &self.node())])
+            .collect()
     }
 
     /// Whether `topic` is where Home Assistant says that it is online.
@@ -96,7 +106,10 @@ impl<'a> Plant<'a> {
 
     /// The announcement at `place`: the number of the device, and of the entity among its own. `None` past the last
     /// entity of a device, which has one announcement if it is announced as a whole.
-    pub(super) fn announcement(&self, (device, entity): (usize, usize)) -> Option<(String, Vec<u8>)> {
+    pub(super) fn announcement(
+        &self,
+        (device, entity): (usize, usize),
+    ) -> Option<(String, Vec<u8>)> {
         let device = self.device(device)?;
         let entities = self.entities(device);
         let (component, object, document) = if self.settings.devices {
@@ -108,9 +121,16 @@ impl<'a> Plant<'a> {
             let entity = entities.into_iter().nth(entity)?;
             let component = entity.component.word();
             let object = ids::entity(&device.object(), &entity.key);
-            (component, object, Value::Object(self.single(device, entity)))
+            (
+                component,
+                object,
+                Value::Object(self.single(device, entity)),
+            )
         };
-        Some((self.topic(component, &object), document.to_string().into_bytes()))
+        Some((
+            self.topic(component, &object),
+            document.to_string().into_bytes(),
+        ))
     }
 
     /// Whether there is a device with this number: the gateway, then the drives.
@@ -128,13 +148,17 @@ impl<'a> Plant<'a> {
             return match device {
                 None => AnnouncementKind::Gone,
                 Some(_) if !self.settings.devices => AnnouncementKind::OtherWay,
-                Some(device) if keys_of(payload) == keys(&self.entities(device)) => AnnouncementKind::Wanted,
+                Some(device) if keys_of(payload) == keys(&self.entities(device)) => {
+                    AnnouncementKind::Wanted
+                }
                 Some(_) => AnnouncementKind::Gone,
             };
         }
         let device = self.devices().find_map(|device| {
             let key = object.strip_prefix(&device.object())?.strip_prefix('_')?;
-            self.entities(device).into_iter().find(|entity| entity.key == key && entity.component.word() == component)
+            self.entities(device)
+                .into_iter()
+                .find(|entity| entity.key == key && entity.component.word() == component)
         });
         match device {
             None => AnnouncementKind::Gone,
@@ -152,10 +176,17 @@ impl<'a> Plant<'a> {
             let object = device.object();
             let entities = self.entities(device);
             if self.settings.devices {
-                return vec![(self.topic(DEVICE, &object), keys(&entities).into_iter().collect())];
+                return vec![(
+                    self.topic(DEVICE, &object),
+                    keys(&entities).into_iter().collect(),
+                )];
             }
-            let topic = |it: &Entity| self.topic(it.component.word(), &ids::entity(&object, &it.key));
-            entities.iter().map(|entity| (topic(entity), Vec::new())).collect()
+            let topic =
+                |it: &Entity| self.topic(it.component.word(), &ids::entity(&object, &it.key));
+            entities
+                .iter()
+                .map(|entity| (topic(entity), Vec::new()))
+                .collect()
         };
         self.devices().flat_map(of_device).collect()
     }
@@ -177,7 +208,9 @@ impl<'a> Plant<'a> {
     }
 
     fn devices(&self) -> impl Iterator<Item = Device<'a>> {
-        [Device::Gateway].into_iter().chain(self.drives.iter().map(Device::Drive))
+        [Device::Gateway]
+            .into_iter()
+            .chain(self.drives.iter().map(Device::Drive))
     }
 
     fn entities(&self, device: Device<'_>) -> Vec<Entity> {
@@ -210,9 +243,17 @@ impl<'a> Plant<'a> {
 
     /// The configuration of an entity, without its device.
     fn config(&self, device: Device<'_>, entity: Entity) -> Map<String, Value> {
-        let Entity { key, needs, mut config, .. } = entity;
+        let Entity {
+            key,
+            needs,
+            mut config,
+            ..
+        } = entity;
         let node = self.node();
-        config.insert("unique_id".to_owned(), ids::unique(&node, &ids::entity(&device.object(), &key)).into());
+        config.insert(
+            "unique_id".to_owned(),
+            ids::unique(&node, &ids::entity(&device.object(), &key)).into(),
+        );
         let gateway = || json!({ "topic": self.topics.gateway("status") });
         let availability = match (needs, device) {
             (Needs::Nothing, _) => return config,
@@ -259,7 +300,8 @@ impl<'a> Plant<'a> {
 
 /// The announcing software. The URL is present if the package has one.
 fn origin() -> Value {
-    let mut origin = json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": env!("CARGO_PKG_VERSION") });
+    let mut origin =
+        json!({ "name": env!("CARGO_PKG_NAME"), "sw_version": env!("CARGO_PKG_VERSION") });
     let url = env!("CARGO_PKG_REPOSITORY");
     if !url.is_empty() {
         origin["support_url"] = url.into();
@@ -274,6 +316,11 @@ fn keys(entities: &[Entity]) -> BTreeSet<String> {
 /// The component keys of an announced device; none if this is no such document.
 fn keys_of(payload: &[u8]) -> BTreeSet<String> {
     let document: Option<Value> = serde_json::from_slice(payload).ok();
-    let components = document.as_ref().and_then(|it| it.get("components")?.as_object());
-    components.into_iter().flat_map(|it| it.keys().cloned()).collect()
+    let components = document
+        .as_ref()
+        .and_then(|it| it.get("components")?.as_object());
+    components
+        .into_iter()
+        .flat_map(|it| it.keys().cloned())
+        .collect()
 }

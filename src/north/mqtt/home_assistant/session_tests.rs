@@ -5,7 +5,9 @@ use crate::domain::command::{Outcome, Reason};
 use crate::domain::ids::{DriveIndex, Name};
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::north::broker::{Event, Message, Publication, Qos, ToLine, Version};
-use crate::north::mqtt::harness::{Rig, Staged, commands, drives, message, name, publications, settings};
+use crate::north::mqtt::harness::{
+    Rig, Staged, commands, drives, message, name, publications, settings,
+};
 use crate::north::mqtt::session::Session;
 use crate::north::mqtt::types::{Act, HomeAssistant, LeaseMode, Settings};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,9 +15,17 @@ use std::collections::{BTreeMap, BTreeSet};
 const NODE: &str = "vfd-gateway-plant";
 
 fn speaking(version: Version) -> Settings {
-    let home_assistant =
-        Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: false, combined: Vec::new(), page: None });
-    Settings { home_assistant, ..settings(version) }
+    let home_assistant = Some(HomeAssistant {
+        discovery: true,
+        prefix: "ha".into(),
+        devices: false,
+        combined: Vec::new(),
+        page: None,
+    });
+    Settings {
+        home_assistant,
+        ..settings(version)
+    }
 }
 
 /// A gateway at a broker that retains messages, sends them to subscribers, and acknowledges at once.
@@ -29,7 +39,11 @@ impl Home {
     fn new(settings: Settings) -> Self {
         let mut rig = Rig::with(settings);
         rig.poll(0, 3_000);
-        Self { rig, kept: BTreeMap::new(), granted: true }
+        Self {
+            rig,
+            kept: BTreeMap::new(),
+            granted: true,
+        }
     }
 
     /// Another process of the gateway at the same broker.
@@ -44,7 +58,10 @@ impl Home {
         let mut announced = Vec::new();
         let mut acts = acts;
         while !acts.is_empty() {
-            for publication in publications(&acts).into_iter().filter(|it| it.topic.starts_with("ha/")) {
+            for publication in publications(&acts)
+                .into_iter()
+                .filter(|it| it.topic.starts_with("ha/"))
+            {
                 announced.push(publication.clone());
                 self.take(publication);
             }
@@ -64,7 +81,10 @@ impl Home {
         }
         // It is subscribed, so it is delivered.
         if self.granted {
-            self.rig.handle(Event::Message(Message { retain: it.retain, ..message(&it.topic, &it.payload) }));
+            self.rig.handle(Event::Message(Message {
+                retain: it.retain,
+                ..message(&it.topic, &it.payload)
+            }));
         }
     }
 
@@ -72,14 +92,29 @@ impl Home {
     fn connect(&mut self) -> Vec<Publication> {
         self.rig.handle(Event::Connected(self.rig.broker));
         let acts = self.rig.acts();
-        let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
+        let [Act::Subscribe(filters)] = &acts[..] else {
+            panic!("{acts:?}")
+        };
         let own = |path: &str| path.starts_with("ha/");
-        assert_eq!(filters.iter().filter(|it| own(&it.path) && it.wants_retained).count(), 2, "{filters:?}");
-        let granted = filters.iter().map(|it| self.granted || !own(&it.path)).collect();
+        assert_eq!(
+            filters
+                .iter()
+                .filter(|it| own(&it.path) && it.wants_retained)
+                .count(),
+            2,
+            "{filters:?}"
+        );
+        let granted = filters
+            .iter()
+            .map(|it| self.granted || !own(&it.path))
+            .collect();
         self.rig.handle(Event::Subscribed(granted));
         for (topic, payload) in self.kept.clone() {
             if self.granted && topic.contains(NODE) {
-                self.rig.handle(Event::Message(Message { retain: true, ..message(&topic, &payload) }));
+                self.rig.handle(Event::Message(Message {
+                    retain: true,
+                    ..message(&topic, &payload)
+                }));
             }
         }
         let acts = self.rig.acts();
@@ -104,11 +139,19 @@ impl Home {
 }
 
 fn cleared(announced: &[Publication]) -> BTreeSet<String> {
-    announced.iter().filter(|it| it.payload.is_empty()).map(|it| it.topic.clone()).collect()
+    announced
+        .iter()
+        .filter(|it| it.payload.is_empty())
+        .map(|it| it.topic.clone())
+        .collect()
 }
 
 fn told(announced: &[Publication]) -> BTreeSet<String> {
-    announced.iter().filter(|it| !it.payload.is_empty() && it.retain).map(|it| it.topic.clone()).collect()
+    announced
+        .iter()
+        .filter(|it| !it.payload.is_empty() && it.retain)
+        .map(|it| it.topic.clone())
+        .collect()
 }
 
 #[test]
@@ -116,8 +159,16 @@ fn everything_is_announced_once_and_retained() {
     for version in [Version::V4, Version::V5] {
         let mut home = Home::new(speaking(version));
         let announced = home.connect();
-        assert_eq!(told(&announced).len(), announced.len(), "each once, none taken back");
-        assert!(announced.iter().all(|it| it.retain && it.qos == Qos::AtLeastOnce && it.expiry.is_none()));
+        assert_eq!(
+            told(&announced).len(),
+            announced.len(),
+            "each once, none taken back"
+        );
+        assert!(
+            announced
+                .iter()
+                .all(|it| it.retain && it.qos == Qos::AtLeastOnce && it.expiry.is_none())
+        );
         for topic in [
             "ha/sensor/vfd-gateway-plant/drive_pump_output_frequency/config",
             "ha/button/vfd-gateway-plant/drive_pump_stop/config",
@@ -126,7 +177,12 @@ fn everything_is_announced_once_and_retained() {
         ] {
             assert!(home.kept.contains_key(topic), "{topic}");
         }
-        assert!(!home.topics().iter().any(|it| it.contains("/button/") && it.contains("drive_fan")));
+        assert!(
+            !home
+                .topics()
+                .iter()
+                .any(|it| it.contains("/button/") && it.contains("drive_fan"))
+        );
         assert_eq!(home.pass(130_000), [], "and then nothing");
     }
 }
@@ -150,7 +206,11 @@ fn a_birth_brings_all_of_it_again_after_a_while_of_its_own() {
         assert!((50..4_900).contains(&wait), "{wait}");
         assert_eq!(home.pass(wait - wait % 50), []);
         let again = home.pass(60_000);
-        assert_eq!((told(&again), again.len()), (all.clone(), all.len()), "{topic}");
+        assert_eq!(
+            (told(&again), again.len()),
+            (all.clone(), all.len()),
+            "{topic}"
+        );
     }
     for (topic, payload) in [("ha/status", &b"offline"[..]), ("ha/other", b"online")] {
         home.rig.handle(Event::Message(message(topic, payload)));
@@ -158,20 +218,35 @@ fn a_birth_brings_all_of_it_again_after_a_while_of_its_own() {
     }
     // Many births are one.
     for _ in 0..100 {
-        home.rig.handle(Event::Message(message("ha/status", b"online")));
+        home.rig
+            .handle(Event::Message(message("ha/status", b"online")));
     }
     assert_eq!(home.pass(60_000).len(), all.len());
 }
 
 #[test]
 fn a_birth_topic_beside_the_alive_topic_ends_no_lease() {
-    let mut home = Home::new(Settings { lease: LeaseMode::Session, ..speaking(Version::V5) });
+    let mut home = Home::new(Settings {
+        lease: LeaseMode::Session,
+        ..speaking(Version::V5)
+    });
     home.connect();
-    home.rig.handle(Event::Message(message("ha/status", b"offline")));
-    assert!(home.rig.pass(20_000).contains(&Act::ToLine(ToLine::PathAlive)));
-    home.rig.handle(Event::Message(message("home/status", b"offline")));
+    home.rig
+        .handle(Event::Message(message("ha/status", b"offline")));
+    assert!(
+        home.rig
+            .pass(20_000)
+            .contains(&Act::ToLine(ToLine::PathAlive))
+    );
+    home.rig
+        .handle(Event::Message(message("home/status", b"offline")));
     home.rig.acts();
-    assert!(!home.rig.pass(20_000).contains(&Act::ToLine(ToLine::PathAlive)));
+    assert!(
+        !home
+            .rig
+            .pass(20_000)
+            .contains(&Act::ToLine(ToLine::PathAlive))
+    );
 }
 
 #[test]
@@ -183,15 +258,25 @@ fn what_an_earlier_life_announced_is_taken_back() {
         let foreign = "ha/sensor/vfd-gateway-plant2/drive_fan_run_state/config";
         home.kept.insert(foreign.into(), b"{}".to_vec());
         let [pump, _] = <[_; 2]>::try_from(drives()).unwrap();
-        let pump = DriveDescription { control: None, ..pump };
+        let pump = DriveDescription {
+            control: None,
+            ..pump
+        };
         home.again(speaking(version), vec![pump]);
         let announced = home.connect();
         let gone: BTreeSet<_> = before.difference(&home.topics()).cloned().collect();
         assert_eq!(cleared(&announced), gone);
         assert!(gone.contains("ha/button/vfd-gateway-plant/drive_pump_stop/config"));
         assert!(gone.iter().any(|it| it.contains("drive_fan")));
-        assert!(home.topics().iter().all(|it| !it.contains("/button/") && !it.contains("plant/drive_fan")));
-        assert!(home.kept.contains_key(foreign), "what belongs to others stays");
+        assert!(
+            home.topics()
+                .iter()
+                .all(|it| !it.contains("/button/") && !it.contains("plant/drive_fan"))
+        );
+        assert!(
+            home.kept.contains_key(foreign),
+            "what belongs to others stays"
+        );
     }
 }
 
@@ -206,7 +291,11 @@ fn a_gateway_that_may_not_look_announces_all_the_same_and_takes_nothing_back() {
     let announced = home.connect();
     assert!(!told(&announced).is_empty());
     assert_eq!((cleared(&announced).len(), home.topics()), (0, before));
-    assert_eq!(home.rig.session.counters().alive_refused, 0, "the alive topic was granted");
+    assert_eq!(
+        home.rig.session.counters().alive_refused,
+        0,
+        "the alive topic was granted"
+    );
 }
 
 #[test]
@@ -216,15 +305,28 @@ fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
     home.connect();
     let before = home.topics();
     let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
-    let mill =
-        DriveDescription { place: DriveRef { line: 7, drive: DriveIndex(0) }, name: Name::new("mill").unwrap(), ..fan };
-    home.rig.session.replace(home.rig.at(), vec![pump, mill], vec![name("hall"), name("yard")]);
+    let mill = DriveDescription {
+        place: DriveRef {
+            line: 7,
+            drive: DriveIndex(0),
+        },
+        name: Name::new("mill").unwrap(),
+        ..fan
+    };
+    home.rig.session.replace(
+        home.rig.at(),
+        vec![pump, mill],
+        vec![name("hall"), name("yard")],
+    );
     let line = home.rig.lines[0].clone();
     home.rig.lines.push(line);
     let announced = home.pass(60_000);
     let gone: BTreeSet<_> = before.difference(&home.topics()).cloned().collect();
     assert_eq!(cleared(&announced), gone);
-    assert!(!gone.is_empty() && gone.iter().all(|it| it.contains("drive_fan")), "{gone:?}");
+    assert!(
+        !gone.is_empty() && gone.iter().all(|it| it.contains("drive_fan")),
+        "{gone:?}"
+    );
     for part in ["drive_mill_run_state", "gateway_line_yard_up"] {
         assert!(home.topics().iter().any(|it| it.contains(part)), "{part}");
     }
@@ -234,9 +336,17 @@ fn a_reload_takes_back_what_is_gone_and_shows_what_is_new() {
 fn discovery_that_is_switched_off_takes_everything_back() {
     for devices in [false, true] {
         let with = |discovery| {
-            let home_assistant =
-                Some(HomeAssistant { discovery, prefix: "ha".into(), devices, combined: Vec::new(), page: None });
-            Settings { home_assistant, ..settings(Version::V4) }
+            let home_assistant = Some(HomeAssistant {
+                discovery,
+                prefix: "ha".into(),
+                devices,
+                combined: Vec::new(),
+                page: None,
+            });
+            Settings {
+                home_assistant,
+                ..settings(Version::V4)
+            }
         };
         let mut home = Home::new(with(true));
         home.connect();
@@ -245,14 +355,21 @@ fn discovery_that_is_switched_off_takes_everything_back() {
         // The birth topic carries nothing that is wanted.
         home.rig.handle(Event::Connected(home.rig.broker));
         let acts = home.rig.acts();
-        let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
-        home.rig.handle(Event::Subscribed(vec![true; filters.len()]));
+        let [Act::Subscribe(filters)] = &acts[..] else {
+            panic!("{acts:?}")
+        };
+        home.rig
+            .handle(Event::Subscribed(vec![true; filters.len()]));
         for (topic, payload) in home.kept.clone() {
-            home.rig.handle(Event::Message(Message { retain: true, ..message(&topic, &payload) }));
+            home.rig.handle(Event::Message(Message {
+                retain: true,
+                ..message(&topic, &payload)
+            }));
         }
         home.pass(60_000);
         assert_eq!(home.topics(), BTreeSet::new());
-        home.rig.handle(Event::Message(message("ha/status", b"online")));
+        home.rig
+            .handle(Event::Message(message("ha/status", b"online")));
         assert_eq!(home.pass(60_000), []);
     }
 }
@@ -261,9 +378,17 @@ fn discovery_that_is_switched_off_takes_everything_back() {
 fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it() {
     for devices in [true, false] {
         let with = |devices| {
-            let home_assistant =
-                Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices, combined: Vec::new(), page: None });
-            Settings { home_assistant, ..settings(Version::V5) }
+            let home_assistant = Some(HomeAssistant {
+                discovery: true,
+                prefix: "ha".into(),
+                devices,
+                combined: Vec::new(),
+                page: None,
+            });
+            Settings {
+                home_assistant,
+                ..settings(Version::V5)
+            }
         };
         let mut home = Home::new(with(!devices));
         let old = told(&home.connect());
@@ -275,38 +400,68 @@ fn the_way_of_announcing_changes_in_the_order_that_keeps_what_people_made_of_it(
             (true, true) => 2,
         };
         assert!(announced.is_sorted_by_key(step));
-        let hints: BTreeSet<_> =
-            announced.iter().filter(|it| it.payload == MIGRATES).map(|it| it.topic.clone()).collect();
+        let hints: BTreeSet<_> = announced
+            .iter()
+            .filter(|it| it.payload == MIGRATES)
+            .map(|it| it.topic.clone())
+            .collect();
         assert_eq!((hints, cleared(&announced)), (old.clone(), old.clone()));
         assert!(home.topics().is_disjoint(&old) && !home.kept.is_empty());
-        assert_eq!(home.topics().iter().all(|it| it.starts_with("ha/device/")), devices);
+        assert_eq!(
+            home.topics().iter().all(|it| it.starts_with("ha/device/")),
+            devices
+        );
         assert_eq!(home.pass(60_000), []);
     }
 }
 
 #[test]
 fn a_device_that_holds_less_than_before_is_taken_back_first() {
-    let home_assistant =
-        Some(HomeAssistant { discovery: true, prefix: "ha".into(), devices: true, combined: Vec::new(), page: None });
-    let with = || Settings { home_assistant: home_assistant.clone(), ..settings(Version::V4) };
+    let home_assistant = Some(HomeAssistant {
+        discovery: true,
+        prefix: "ha".into(),
+        devices: true,
+        combined: Vec::new(),
+        page: None,
+    });
+    let with = || Settings {
+        home_assistant: home_assistant.clone(),
+        ..settings(Version::V4)
+    };
     let topic = "ha/device/vfd-gateway-plant/drive_pump/config";
     let less = || {
         let [pump, fan] = <[_; 2]>::try_from(drives()).unwrap();
-        vec![DriveDescription { control: None, ..pump }, fan]
+        vec![
+            DriveDescription {
+                control: None,
+                ..pump
+            },
+            fan,
+        ]
     };
     let steps = |announced: &[Publication]| -> Vec<bool> {
-        announced.iter().filter(|it| it.topic == topic).map(|it| it.payload.is_empty()).collect()
+        announced
+            .iter()
+            .filter(|it| it.topic == topic)
+            .map(|it| it.payload.is_empty())
+            .collect()
     };
     // Over a restart.
     let mut home = Home::new(with());
     home.connect();
     home.again(with(), less());
     assert_eq!(steps(&home.connect()), [true, false]);
-    assert!(!String::from_utf8(home.kept[topic].clone()).unwrap().contains("run/set"));
+    assert!(
+        !String::from_utf8(home.kept[topic].clone())
+            .unwrap()
+            .contains("run/set")
+    );
     // Over a reload.
     let mut home = Home::new(with());
     home.connect();
-    home.rig.session.replace(home.rig.at(), less(), vec![name("hall")]);
+    home.rig
+        .session
+        .replace(home.rig.at(), less(), vec![name("hall")]);
     assert_eq!(steps(&home.pass(60_000)), [true, false]);
 }
 
@@ -315,23 +470,41 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     let mut home = Home::new(speaking(Version::V5));
     home.rig.handle(Event::Connected(home.rig.broker));
     let acts = home.rig.acts();
-    let [Act::Subscribe(filters)] = &acts[..] else { panic!("{acts:?}") };
-    home.rig.handle(Event::Subscribed(vec![true; filters.len()]));
+    let [Act::Subscribe(filters)] = &acts[..] else {
+        panic!("{acts:?}")
+    };
+    home.rig
+        .handle(Event::Subscribed(vec![true; filters.len()]));
     let birth = home.rig.acts();
-    assert!(publications(&birth).iter().all(|it| !it.topic.starts_with("ha/")), "first what the gateway shows");
+    assert!(
+        publications(&birth)
+            .iter()
+            .all(|it| !it.topic.starts_with("ha/")),
+        "first what the gateway shows"
+    );
     // A broker that acknowledges nothing.
     let acts = home.rig.pass(1_500);
-    let announced: Vec<_> = publications(&acts).into_iter().filter(|it| it.topic.starts_with("ha/")).cloned().collect();
+    let announced: Vec<_> = publications(&acts)
+        .into_iter()
+        .filter(|it| it.topic.starts_with("ha/"))
+        .cloned()
+        .collect();
     assert_eq!(announced.len(), IN_FLIGHT_MAX);
     let rest = home.rig.pass(5_000);
-    assert!(publications(&rest).iter().all(|it| !it.topic.starts_with("ha/")));
+    assert!(
+        publications(&rest)
+            .iter()
+            .all(|it| !it.topic.starts_with("ha/"))
+    );
     // One that does.
     for it in &announced {
         home.rig.handle(Event::Acknowledged(it.token.unwrap()));
     }
     let mut most = 0;
     loop {
-        let acts = home.rig.pass(u64::try_from(BURST_EVERY.as_millis()).unwrap());
+        let acts = home
+            .rig
+            .pass(u64::try_from(BURST_EVERY.as_millis()).unwrap());
         let announced = home.play(acts);
         if announced.is_empty() {
             break;
@@ -340,17 +513,29 @@ fn announcements_are_paced_and_everything_else_goes_first() {
     }
     assert!((1..=2 * BURST as usize).contains(&most), "{most}");
     // In the middle of them a command and its result, and a value that changes, wait for nothing.
-    home.rig.handle(Event::Message(message("ha/status", b"online")));
+    home.rig
+        .handle(Event::Message(message("ha/status", b"online")));
     let acts = home.rig.pass(5_000);
     home.play(acts);
     home.rig.poll(0, 4_000);
     let asked = home.rig.send("drive/pump/run/set", b"stop");
     let ticket = commands(&asked)[0].ticket;
-    let answered = home.rig.answer(ticket, Outcome::Confirmed, Reason::None, true);
+    let answered = home
+        .rig
+        .answer(ticket, Outcome::Confirmed, Reason::None, true);
     let first = |acts: &[Act]| publications(acts).first().map(|it| it.topic.clone());
-    assert_eq!(first(&asked).as_deref(), Some("vfd/plant/drive/pump/frequency/output"));
-    assert_eq!(first(&answered).as_deref(), Some("vfd/plant/drive/pump/result"));
-    assert!(home.rig.session.discovery.walk.is_some(), "it was in the middle of them");
+    assert_eq!(
+        first(&asked).as_deref(),
+        Some("vfd/plant/drive/pump/frequency/output")
+    );
+    assert_eq!(
+        first(&answered).as_deref(),
+        Some("vfd/plant/drive/pump/result")
+    );
+    assert!(
+        home.rig.session.discovery.walk.is_some(),
+        "it was in the middle of them"
+    );
 }
 
 #[test]
@@ -372,7 +557,9 @@ fn a_broker_that_keeps_nothing_is_reported_all_the_same() {
     home.granted = false;
     let announced = home.connect();
     assert!(!announced.is_empty() && announced.iter().all(|it| !it.retain));
-    home.rig.session.replace(home.rig.at(), Vec::new(), vec![name("hall")]);
+    home.rig
+        .session
+        .replace(home.rig.at(), Vec::new(), vec![name("hall")]);
     home.rig.views.clear();
     home.pass(10_000);
     assert!(home.rig.session.discovery.gone.is_empty());

@@ -24,7 +24,11 @@ impl Drive<'_> {
         let description = self.description;
         let line = Some(description.line.clone());
         let drive = Some(description.name.clone());
-        let mut said = Advice { line, drive, all: Vec::new() };
+        let mut said = Advice {
+            line,
+            drive,
+            all: Vec::new(),
+        };
         if self.view.sight.may_still_run {
             said.say(Sign::MayStillRun, may_still_run(self.view));
         }
@@ -37,24 +41,50 @@ impl Drive<'_> {
         if let Some(warning) = warning_text(description, self.view, now) {
             said.say(Sign::Warns, warns(warning));
         }
-        if let Some(state) = self.view.status.undocumented.filter(|_| self.view.is_online()) {
-            let text = Sentence::new("finding.undocumented_state").with("register", state.address.to_string());
-            said.say(Sign::UndocumentedState, text.with("value", u64::from(state.word)));
+        if let Some(state) = self
+            .view
+            .status
+            .undocumented
+            .filter(|_| self.view.is_online())
+        {
+            let text = Sentence::new("finding.undocumented_state")
+                .with("register", state.address.to_string());
+            said.say(
+                Sign::UndocumentedState,
+                text.with("value", u64::from(state.word)),
+            );
         }
         for refused in self.view.refused.iter().filter(|_| self.view.is_online()) {
             let model = &description.model;
-            let name = model.register_at(refused.address).map_or_else(String::new, |register| register.title.clone());
-            let text = Sentence::new("finding.register_refused").with("register", refused.address.to_string());
+            let name = model
+                .register_at(refused.address)
+                .map_or_else(String::new, |register| register.title.clone());
+            let text = Sentence::new("finding.register_refused")
+                .with("register", refused.address.to_string());
             let is_essential = model.is_essential(refused.address);
-            let severity = if is_essential { Severity::Problem } else { Sign::RegisterRefused.severity() };
+            let severity = if is_essential {
+                Severity::Problem
+            } else {
+                Sign::RegisterRefused.severity()
+            };
             let code = format!("{:02X}", refused.code);
-            said.say_graded(severity, Sign::RegisterRefused, text.with("name", name).with("code", code));
+            said.say_graded(
+                severity,
+                Sign::RegisterRefused,
+                text.with("name", name).with("code", code),
+            );
         }
         if let Some(settings) = &description.control {
             self.obedience(&mut said, interface, now);
             self.setpoint_limits(&mut said, settings, now);
-            self.view.watchdog.iter().for_each(|it| self.watchdog(&mut said, settings, *it));
-            self.view.control.iter().for_each(|it| control(&mut said, it, &description.model, now));
+            self.view
+                .watchdog
+                .iter()
+                .for_each(|it| self.watchdog(&mut said, settings, *it));
+            self.view
+                .control
+                .iter()
+                .for_each(|it| control(&mut said, it, &description.model, now));
         }
         said.all
     }
@@ -65,19 +95,30 @@ impl Drive<'_> {
             return;
         }
         for register in &self.description.model.registers {
-            let (Some(range), Some(reading)) = (&register.plausible, self.view.snapshot.reading(register.address))
-            else {
+            let (Some(range), Some(reading)) = (
+                &register.plausible,
+                self.view.snapshot.reading(register.address),
+            ) else {
                 continue;
             };
-            if (i64::from(*range.start())..=i64::from(*range.end())).contains(&register.number_in(reading.raw)) {
+            if (i64::from(*range.start())..=i64::from(*range.end()))
+                .contains(&register.number_in(reading.raw))
+            {
                 continue;
             }
-            let ends = [range.start(), range.end()].map(|end| Scaled::new(i64::from(*end), register.scale));
-            let implausible = Sentence::new("finding.implausible").with("register", register.title.as_str());
+            let ends = [range.start(), range.end()]
+                .map(|end| Scaled::new(i64::from(*end), register.scale));
+            let implausible =
+                Sentence::new("finding.implausible").with("register", register.title.as_str());
             let implausible = implausible.with("address", register.address.to_string());
             let implausible = implausible.with("is", register.plain_value(reading.raw).to_string());
-            let implausible = implausible.with("least", ends[0].to_string()).with("most", ends[1].to_string());
-            said.say(Sign::Implausible, implausible.with("unit", register.unit.symbol()));
+            let implausible = implausible
+                .with("least", ends[0].to_string())
+                .with("most", ends[1].to_string());
+            said.say(
+                Sign::Implausible,
+                implausible.with("unit", register.unit.symbol()),
+            );
         }
     }
 
@@ -87,7 +128,10 @@ impl Drive<'_> {
         if trip.active != Some(true) || !self.view.is_online() {
             return;
         }
-        let code = trip.last.as_ref().map_or(self.view.trip_kept.last_code, |last| last.code);
+        let code = trip
+            .last
+            .as_ref()
+            .map_or(self.view.trip_kept.last_code, |last| last.code);
         let words = trip::newest_text(self.description, self.view);
         let name = match (code, words) {
             (Some(code), Some(words)) if words.contains(&code.to_string()) => words,
@@ -95,25 +139,39 @@ impl Drive<'_> {
             (Some(code), None) => code.to_string(),
             (None, _) => return said.say(Sign::Tripped, Sentence::new("finding.tripped")),
         };
-        said.say(Sign::Tripped, Sentence::new("finding.tripped_by").with("trip", name));
+        said.say(
+            Sign::Tripped,
+            Sentence::new("finding.tripped_by").with("trip", name),
+        );
     }
 
     /// Whether it obeys the bus, as far as known from what was read.
     fn obedience(&self, said: &mut Advice, interface: Interface, now: MonoTime) {
         let model = &self.description.model;
         let name = &self.description.name;
-        let concerned = model.setup.iter().filter(|item| item.interface.is_none_or(|of| of == interface));
+        let concerned = model
+            .setup
+            .iter()
+            .filter(|item| item.interface.is_none_or(|of| of == interface));
         let wrong: Vec<_> = concerned.filter_map(|item| self.wrong(item, now)).collect();
         let is_set = wrong.is_empty();
         for wrong in wrong {
             let refused = Sentence::new("finding.bus_refused");
-            said.say(Sign::BusRefused, refused.with("setting", wrong).with("drive", name.as_str()));
+            said.say(
+                Sign::BusRefused,
+                refused.with("setting", wrong).with("drive", name.as_str()),
+            );
         }
-        let takes_priority =
-            matches!(model.run.as_ref().map(|run| &run.form), Some(RunForm::Bits { priority: 1.., .. }));
+        let takes_priority = matches!(
+            model.run.as_ref().map(|run| &run.form),
+            Some(RunForm::Bits { priority: 1.., .. })
+        );
         let is_local = self.view.is_online() && self.view.status.is_local() == Some(true);
         if is_local && is_set && !takes_priority {
-            said.say(Sign::LocalControl, Sentence::new("finding.local_control").with("drive", name.as_str()));
+            said.say(
+                Sign::LocalControl,
+                Sentence::new("finding.local_control").with("drive", name.as_str()),
+            );
         }
     }
 
@@ -125,15 +183,26 @@ impl Drive<'_> {
         (!wanted.contains(&word)).then(|| {
             let right: Vec<_> = wanted.iter().map(|word| shown(register, *word)).collect();
             let setting = Sentence::new("finding.wrong_setting").with("what", item.what.as_str());
-            setting.with("is", shown(register, word)).with("right", right.join(" / ")).with("text", item.text.as_str())
+            setting
+                .with("is", shown(register, word))
+                .with("right", right.join(" / "))
+                .with("text", item.text.as_str())
         })
     }
 
     fn setpoint_limits(&self, said: &mut Advice, settings: &ControlSettings, now: MonoTime) {
         let limits = settings.least.as_f64()..=settings.most.as_f64();
-        if let Some(hertz) = self.setpoint(now).filter(|hertz| *hertz != 0.0 && !limits.contains(hertz)) {
+        if let Some(hertz) = self
+            .setpoint(now)
+            .filter(|hertz| *hertz != 0.0 && !limits.contains(hertz))
+        {
             let outside = Sentence::new("finding.setpoint_outside").with("setpoint", hertz);
-            said.say(Sign::SetpointOutside, outside.with("least", *limits.start()).with("most", *limits.end()));
+            said.say(
+                Sign::SetpointOutside,
+                outside
+                    .with("least", *limits.start())
+                    .with("most", *limits.end()),
+            );
         }
     }
 
@@ -143,13 +212,16 @@ impl Drive<'_> {
             WatchdogState::Off => Sentence::new("watchdog.off"),
             WatchdogState::KeepsRunning => Sentence::new("watchdog.keeps_running"),
             WatchdogState::TooShort => Sentence::new("watchdog.too_short"),
-            WatchdogState::TooLong => {
-                Sentence::new("watchdog.too_long").with("seconds", settings.watchdog_at_most().as_secs_f64())
-            }
+            WatchdogState::TooLong => Sentence::new("watchdog.too_long")
+                .with("seconds", settings.watchdog_at_most().as_secs_f64()),
         };
         let text = Sentence::new("finding.watchdog_wrong").with("state", state);
         let text = text.with("drive", self.description.name.as_str());
-        let severity = if settings.require_watchdog { Severity::Problem } else { Sign::WatchdogWrong.severity() };
+        let severity = if settings.require_watchdog {
+            Severity::Problem
+        } else {
+            Sign::WatchdogWrong.severity()
+        };
         said.say_graded(severity, Sign::WatchdogWrong, text);
     }
 }
@@ -159,21 +231,45 @@ fn control(said: &mut Advice, control: &ControlView, model: &Model, now: MonoTim
         said.say(Sign::NotEffective, Sentence::new("finding.not_effective"));
     }
     if control.output_outside {
-        let key = if model.needs_full_scale() { "finding.output_outside_scale" } else { "finding.output_outside" };
+        let key = if model.needs_full_scale() {
+            "finding.output_outside_scale"
+        } else {
+            "finding.output_outside"
+        };
         said.say(Sign::OutputOutside, Sentence::new(key));
     }
     if control.stopped_elsewhere {
-        said.say(Sign::StoppedElsewhere, Sentence::new("finding.stopped_elsewhere"));
+        said.say(
+            Sign::StoppedElsewhere,
+            Sentence::new("finding.stopped_elsewhere"),
+        );
     }
-    if let Some(again) = control.stopped_again.filter(|it| now.since(it.at) < StoppedAgain::WITHIN) {
+    if let Some(again) = control
+        .stopped_again
+        .filter(|it| now.since(it.at) < StoppedAgain::WITHIN)
+    {
         let stopped = Sentence::new("finding.stopped_again").with("by", again.by.to_string());
-        said.say(Sign::StoppedAgain, stopped.with("times", u64::from(again.times)));
+        said.say(
+            Sign::StoppedAgain,
+            stopped.with("times", u64::from(again.times)),
+        );
     }
     if let Some(run) = control.failsafe {
-        let sign = if run.cause.is_lost_commander() { Sign::CommanderLost } else { Sign::FailSafe };
+        let sign = if run.cause.is_lost_commander() {
+            Sign::CommanderLost
+        } else {
+            Sign::FailSafe
+        };
         // Until the drive has shown the effect, its motor may go on.
-        let is_effective = matches!(run.stage, FailSafeStage::Effective | FailSafeStage::NotNeeded);
-        let severity = if is_effective { sign.severity() } else { Severity::Problem };
+        let is_effective = matches!(
+            run.stage,
+            FailSafeStage::Effective | FailSafeStage::NotNeeded
+        );
+        let severity = if is_effective {
+            sign.severity()
+        } else {
+            Severity::Problem
+        };
         said.say_graded(severity, sign, fail_safe_text(run));
     }
     if let Some(text) = control.last.as_ref().and_then(|last| refused(model, last)) {
@@ -191,8 +287,10 @@ fn refused(model: &Model, last: &Report) -> Option<Sentence> {
         Some(_) => "finding.command_failed_by",
         None => "finding.command_failed",
     });
-    let failed =
-        failed.with("reason", said(model, last)).with("hint", Sentence::new(format!("hint.{}", last.reason.word())));
+    let failed = failed.with("reason", said(model, last)).with(
+        "hint",
+        Sentence::new(format!("hint.{}", last.reason.word())),
+    );
     Some(match last.exception {
         Some(code) => failed.with("exception", format!("{code:02X}")),
         None => failed,
@@ -219,5 +317,8 @@ pub(super) const OF_DRIVE: [Reason; 13] = [
 /// A word with what it means.
 fn shown(register: &Register, word: u16) -> String {
     let value = Scaled::from_word(word, register);
-    register.meaning(word).map_or_else(|| value.to_string(), |meaning| format!("{value} ({meaning})"))
+    register.meaning(word).map_or_else(
+        || value.to_string(),
+        |meaning| format!("{value} ({meaning})"),
+    )
 }

@@ -11,27 +11,42 @@ impl Line<'_> {
     /// The advice on it.
     #[must_use]
     pub fn advice(&self) -> Vec<Finding> {
-        let mut said = Advice { line: Some(self.name.clone()), ..Advice::default() };
+        let mut said = Advice {
+            line: Some(self.name.clone()),
+            ..Advice::default()
+        };
         let report = self.report;
         if self.hangs {
             said.say(Sign::LineHangs, Sentence::new("finding.line_hangs"));
         }
         match (down_reason(report), report.suspicion.map(suspicion)) {
             (None, Some(suspicion)) => said.say(Sign::Suspicion, suspicion),
-            (Some(_), Some(suspicion)) => said.say(Sign::Suspicion, down("finding.line_down", suspicion)),
+            (Some(_), Some(suspicion)) => {
+                said.say(Sign::Suspicion, down("finding.line_down", suspicion))
+            }
             (Some(reason), None) => said.say(Sign::LineDown, self.down(reason)),
             (None, None) => {}
         }
-        let bad = report.quality.bad_per_cent.filter(|_| report.state == LineState::Up).unwrap_or(0);
+        let bad = report
+            .quality
+            .bad_per_cent
+            .filter(|_| report.state == LineState::Up)
+            .unwrap_or(0);
         if report.quality.is_suspended {
             said.say(Sign::Suspended, suspended(bad));
         } else if bad > 0 {
-            said.say(Sign::BadExchanges, Sentence::new("finding.bad_exchanges").with("bad", u64::from(bad)));
+            said.say(
+                Sign::BadExchanges,
+                Sentence::new("finding.bad_exchanges").with("bad", u64::from(bad)),
+            );
         }
         if let Some(standby) = report.standby {
             let is_deaf = report.state == LineState::Down;
             if standby.role == LineRole::Listening && !standby.hears_other && !is_deaf {
-                said.say(Sign::NoGatewayActive, Sentence::new("finding.no_gateway_active"));
+                said.say(
+                    Sign::NoGatewayActive,
+                    Sentence::new("finding.no_gateway_active"),
+                );
             }
             if standby.listener == Some(false) {
                 said.say(Sign::NoListener, Sentence::new("finding.no_listener"));
@@ -43,11 +58,15 @@ impl Line<'_> {
                 said.say(Sign::FilesDiffer, Sentence::new("finding.files_differ"));
             }
             if let Some(station) = standby.trouble.unknown_station {
-                let sentence = Sentence::new("finding.unknown_station").with("station", u64::from(station.0));
+                let sentence =
+                    Sentence::new("finding.unknown_station").with("station", u64::from(station.0));
                 said.say(Sign::Stranger, sentence);
             }
             if standby.rivals > 0 {
-                said.say(Sign::RivalOnLine, Sentence::new("finding.rival_on_line").with("times", standby.rivals));
+                said.say(
+                    Sign::RivalOnLine,
+                    Sentence::new("finding.rival_on_line").with("times", standby.rivals),
+                );
             }
         }
         if report.planned_use_per_mille > 1000 {
@@ -65,7 +84,9 @@ impl Line<'_> {
             None | Some(LineFault::Gone | LineFault::Failed) => "finding.line_down_port",
             Some(LineFault::Stuck) => "finding.line_down_stuck",
             Some(LineFault::Jammed) => "finding.line_down_jammed",
-            Some(LineFault::Mute) if self.wiring.characters().is_none() => "finding.line_down_mute_server",
+            Some(LineFault::Mute) if self.wiring.characters().is_none() => {
+                "finding.line_down_mute_server"
+            }
             Some(LineFault::Mute) => "finding.line_down_mute",
             Some(LineFault::Echo | LineFault::OutOfStep) => "finding.line_down",
         };

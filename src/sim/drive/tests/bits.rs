@@ -21,13 +21,23 @@ fn a_word_that_must_never_be_written_is_counted_and_not_done() {
     take(&mut drive, seconds(0), &[(0x0004, 3000), (0x0002, 1)]);
     // Refused as everything else here: with the value that the drive kept.
     assert_eq!(write(&mut drive, seconds(5), 0x0002, 3), 1);
-    assert_eq!(write(&mut drive, seconds(5), 0x0002, 0x0010), 1, "a reserved bit");
-    assert_eq!((hertz(&drive, seconds(9)), drive.report().forbidden_words), (30, 1));
+    assert_eq!(
+        write(&mut drive, seconds(5), 0x0002, 0x0010),
+        1,
+        "a reserved bit"
+    );
+    assert_eq!(
+        (hertz(&drive, seconds(9)), drive.report().forbidden_words),
+        (30, 1)
+    );
     let mut drive = ready("frecon-fr500a");
     for jog in [3, 4] {
         assert_eq!(refused(&mut drive, seconds(0), 0x2000, jog), 3);
     }
-    assert_eq!((hertz(&drive, seconds(9)), drive.report().forbidden_words), (0, 2));
+    assert_eq!(
+        (hertz(&drive, seconds(9)), drive.report().forbidden_words),
+        (0, 2)
+    );
 }
 
 #[test]
@@ -40,7 +50,11 @@ fn a_reset_acts_when_its_bit_comes_and_never_while_it_stands() {
     take(&mut drive, seconds(4), &[(0x0002, 4)]);
     assert!(drive.is_tripped(), "the bit was still set");
     assert_eq!(drive.report().resets_held, 1);
-    take(&mut drive, seconds(5), &[(0x0002, 0), (0x0002, 4), (0x0002, 0)]);
+    take(
+        &mut drive,
+        seconds(5),
+        &[(0x0002, 0), (0x0002, 4), (0x0002, 0)],
+    );
     assert!(!drive.is_tripped());
     assert_eq!(drive.report().resets_held, 1);
 }
@@ -53,16 +67,40 @@ fn state_bits_follow_the_motor() {
     take(&mut drive, seconds(0), &[(0x2502, 6000), (0x2501, 1)]);
     assert_eq!(word(&mut drive, seconds(0), 0x2520), 0b0101);
     take(&mut drive, seconds(10), &[(0x2501, 3)]);
-    assert_eq!(word(&mut drive, seconds(19), 0x2520), 0b0101, "still forward");
+    assert_eq!(
+        word(&mut drive, seconds(19), 0x2520),
+        0b0101,
+        "still forward"
+    );
     assert_eq!(word(&mut drive, seconds(30), 0x2520), 0b0111);
     take(&mut drive, seconds(30), &[(0x2501, 0)]);
-    assert_eq!(word(&mut drive, seconds(35), 0x2520), 0b0111, "it ramps down");
+    assert_eq!(
+        word(&mut drive, seconds(35), 0x2520),
+        0b0111,
+        "it ramps down"
+    );
     assert_eq!(word(&mut drive, seconds(40), 0x2520), 0b0100);
     take(&mut drive, seconds(40), &[(0x2501, 0b0100)]);
-    assert_eq!((word(&mut drive, seconds(40), 0x2520), word(&mut drive, seconds(40), 0x2521)), (0b1000, 14));
+    assert_eq!(
+        (
+            word(&mut drive, seconds(40), 0x2520),
+            word(&mut drive, seconds(40), 0x2521)
+        ),
+        (0b1000, 14)
+    );
     assert_eq!(refused(&mut drive, seconds(41), 0x2501, 1), 0x55);
-    take(&mut drive, seconds(41), &[(0x2501, 0), (0x2501, 8), (0x2501, 0)]);
-    assert_eq!((word(&mut drive, seconds(41), 0x2520), word(&mut drive, seconds(41), 0x2521)), (0b0100, 0));
+    take(
+        &mut drive,
+        seconds(41),
+        &[(0x2501, 0), (0x2501, 8), (0x2501, 0)],
+    );
+    assert_eq!(
+        (
+            word(&mut drive, seconds(41), 0x2520),
+            word(&mut drive, seconds(41), 0x2521)
+        ),
+        (0b0100, 0)
+    );
 }
 
 #[test]
@@ -70,11 +108,23 @@ fn readings_are_in_the_units_of_their_registers() {
     let mut drive = ready("teco-e510");
     take(&mut drive, seconds(0), &[(0x2502, 6000), (0x2501, 1)]);
     // 60.00 Hz set, 30.00 Hz given out, 200.0 V of 400, 530 V, 7.3 A: a third and half of the rest of 11.0 A.
-    assert_eq!(read(&mut drive, seconds(5), 0x2523, 5), Some(vec![6000, 3000, 2000, 530, 73]));
+    assert_eq!(
+        read(&mut drive, seconds(5), 0x2523, 5),
+        Some(vec![6000, 3000, 2000, 530, 73])
+    );
     let mut drive = ready("frecon-fr500a");
     take(&mut drive, seconds(0), &[(0x2001, 6000), (0x2000, 2)]);
-    assert_eq!(read(&mut drive, seconds(10), 0x3000, 5), Some(vec![6000, 6000, 4000, 110, 66]));
-    assert_eq!((word(&mut drive, seconds(10), 0x3006), word(&mut drive, seconds(10), 0x3017)), (520, 450));
+    assert_eq!(
+        read(&mut drive, seconds(10), 0x3000, 5),
+        Some(vec![6000, 6000, 4000, 110, 66])
+    );
+    assert_eq!(
+        (
+            word(&mut drive, seconds(10), 0x3006),
+            word(&mut drive, seconds(10), 0x3017)
+        ),
+        (520, 450)
+    );
     assert_eq!(word(&mut drive, seconds(2 * 3_600), 0x301B), 2, "run hours");
 }
 
@@ -82,9 +132,24 @@ fn readings_are_in_the_units_of_their_registers() {
 fn sources_must_hold_what_the_setup_demands() {
     // Register, another source than communication, the exception code for "not now".
     let families = [
-        ("teco-e510", [(0x0002, 0), (0x0005, 1)], [0x2501, 0x2502], 0x55),
-        ("teco-e510s", [(0x0002, 0), (0x0005, 1)], [0x2501, 0x2502], 0x03),
-        ("frecon-fr500a", [(0x0200, 0), (0x0101, 1)], [0x2000, 0x2001], 0x04),
+        (
+            "teco-e510",
+            [(0x0002, 0), (0x0005, 1)],
+            [0x2501, 0x2502],
+            0x55,
+        ),
+        (
+            "teco-e510s",
+            [(0x0002, 0), (0x0005, 1)],
+            [0x2501, 0x2502],
+            0x03,
+        ),
+        (
+            "frecon-fr500a",
+            [(0x0200, 0), (0x0101, 1)],
+            [0x2000, 0x2001],
+            0x04,
+        ),
     ];
     for (id, sources, [run, setpoint], code) in families {
         for (source, other) in sources {
@@ -96,12 +161,19 @@ fn sources_must_hold_what_the_setup_demands() {
             assert_eq!(hertz(&drive, seconds(9)), 30, "{id}");
         }
     }
-    let factory = DriveOptions { sources_at_start: Some(0), ..DriveOptions::default() };
+    let factory = DriveOptions {
+        sources_at_start: Some(0),
+        ..DriveOptions::default()
+    };
     let mut drive = SimDrive::new(model("hyundai-n100plus"), factory);
     assert!(drive.is_local());
     assert_eq!(write(&mut drive, seconds(0), 0x0002, 1), 0);
     // 3 in A01 but 2 in A02.
-    take(&mut drive, seconds(0), &[(0x0301, 3), (0x0302, 2), (0x0002, 1)]);
+    take(
+        &mut drive,
+        seconds(0),
+        &[(0x0301, 3), (0x0302, 2), (0x0002, 1)],
+    );
     assert!(!drive.is_local());
 }
 

@@ -13,20 +13,45 @@ fn drive() -> SimDrive {
 }
 
 fn closed_terminal() -> SimDrive {
-    let options =
-        DriveOptions { panel_runs: Some(Direction::Reverse), panel_frequency_hz: Some(20), ..DriveOptions::default() };
+    let options = DriveOptions {
+        panel_runs: Some(Direction::Reverse),
+        panel_frequency_hz: Some(20),
+        ..DriveOptions::default()
+    };
     SimDrive::new(model("toshiba-vf-as1"), options)
 }
 
 #[test]
 fn words_with_priority_command_the_motor() {
     let mut drive = drive();
-    take(&mut drive, seconds(0), &[(FREQUENCY, 3000), (COMMAND, 0xC400)]);
-    assert_eq!((hertz(&drive, seconds(5)), word(&mut drive, seconds(5), STATUS)), (30, 0x4400));
+    take(
+        &mut drive,
+        seconds(0),
+        &[(FREQUENCY, 3000), (COMMAND, 0xC400)],
+    );
+    assert_eq!(
+        (
+            hertz(&drive, seconds(5)),
+            word(&mut drive, seconds(5), STATUS)
+        ),
+        (30, 0x4400)
+    );
     take(&mut drive, seconds(5), &[(COMMAND, 0xC600)]);
-    assert_eq!((hertz(&drive, seconds(15)), word(&mut drive, seconds(15), STATUS)), (-30, 0x4600));
+    assert_eq!(
+        (
+            hertz(&drive, seconds(15)),
+            word(&mut drive, seconds(15), STATUS)
+        ),
+        (-30, 0x4600)
+    );
     take(&mut drive, seconds(15), &[(COMMAND, 0xC000)]);
-    assert_eq!((hertz(&drive, seconds(20)), word(&mut drive, seconds(20), STATUS)), (0, 0x4000));
+    assert_eq!(
+        (
+            hertz(&drive, seconds(20)),
+            word(&mut drive, seconds(20), STATUS)
+        ),
+        (0, 0x4000)
+    );
     take(&mut drive, seconds(20), &[(COMMAND, 0xC500)]);
     assert_eq!(hertz(&drive, seconds(30)), 5, "jog");
     take(&mut drive, seconds(30), &[(COMMAND, 0xC400)]);
@@ -36,18 +61,30 @@ fn words_with_priority_command_the_motor() {
     assert_eq!(word(&mut drive, seconds(40), COMMAND), 0xC800);
     drive.set_alarm(true);
     drive.set_locally(seconds(40), STATUS.into(), 0xFFFF);
-    assert_eq!(word(&mut drive, seconds(40), STATUS), 0xF9FD, "bits that no flag names are as they were set");
+    assert_eq!(
+        word(&mut drive, seconds(40), STATUS),
+        0xF9FD,
+        "bits that no flag names are as they were set"
+    );
 }
 
 #[test]
 fn a_word_without_priority_changes_nothing_while_the_panel_commands() {
     let mut drive = drive();
     assert!(drive.is_local());
-    take(&mut drive, seconds(0), &[(FREQUENCY, 3000), (COMMAND, 0x0400)]);
+    take(
+        &mut drive,
+        seconds(0),
+        &[(FREQUENCY, 3000), (COMMAND, 0x0400)],
+    );
     assert_eq!(hertz(&drive, seconds(20)), 0);
     let mut drive = closed_terminal();
     assert_eq!(hertz(&drive, seconds(20)), -20);
-    take(&mut drive, seconds(20), &[(FREQUENCY, 3000), (COMMAND, 0x0800)]);
+    take(
+        &mut drive,
+        seconds(20),
+        &[(FREQUENCY, 3000), (COMMAND, 0x0800)],
+    );
     assert_eq!(hertz(&drive, seconds(20)), -20, "not even a coast");
 }
 
@@ -56,35 +93,71 @@ fn a_stop_takes_control_and_a_release_lets_a_closed_terminal_start_the_motor() {
     let mut drive = closed_terminal();
     take(&mut drive, seconds(10), &[(COMMAND, 0xC000)]);
     assert_eq!((drive.is_local(), hertz(&drive, seconds(30))), (false, 0));
-    take(&mut drive, seconds(30), &[(FREQUENCY, 5000), (COMMAND, 0xC400)]);
+    take(
+        &mut drive,
+        seconds(30),
+        &[(FREQUENCY, 5000), (COMMAND, 0xC400)],
+    );
     assert_eq!(hertz(&drive, seconds(50)), 50);
     take(&mut drive, seconds(50), &[(COMMAND, 0x0000)]);
     assert_eq!((drive.is_local(), hertz(&drive, seconds(80))), (true, -20));
     let mut drive = self::drive();
-    take(&mut drive, seconds(0), &[(FREQUENCY, 5000), (COMMAND, 0xC400)]);
+    take(
+        &mut drive,
+        seconds(0),
+        &[(FREQUENCY, 5000), (COMMAND, 0xC400)],
+    );
     take(&mut drive, seconds(20), &[(COMMAND, 0x0000)]);
-    assert_eq!(hertz(&drive, seconds(40)), 0, "nobody at the panel: it ramps down");
+    assert_eq!(
+        hertz(&drive, seconds(40)),
+        0,
+        "nobody at the panel: it ramps down"
+    );
 }
 
 #[test]
 fn emergency_off_trips_and_a_reset_leaves_the_drive_deaf_without_orders() {
     let mut drive = drive();
-    take(&mut drive, seconds(0), &[(FREQUENCY, 3000), (COMMAND, 0xC400)]);
+    take(
+        &mut drive,
+        seconds(0),
+        &[(FREQUENCY, 3000), (COMMAND, 0xC400)],
+    );
     take(&mut drive, seconds(9), &[(COMMAND, 0x9000)]);
     assert_eq!((drive.is_tripped(), hertz(&drive, seconds(9))), (true, 0));
     // 17: emergency stop.
-    assert_eq!((word(&mut drive, seconds(9), FC90), word(&mut drive, seconds(9), STATUS)), (17, 0x0002));
+    assert_eq!(
+        (
+            word(&mut drive, seconds(9), FC90),
+            word(&mut drive, seconds(9), STATUS)
+        ),
+        (17, 0x0002)
+    );
     assert_eq!(refused(&mut drive, seconds(9), COMMAND, 0xC400), 4);
-    take(&mut drive, seconds(10), &[(COMMAND, 0xC000), (COMMAND, 0xE000)]);
+    take(
+        &mut drive,
+        seconds(10),
+        &[(COMMAND, 0xC000), (COMMAND, 0xE000)],
+    );
     for silent in [10_000, 11_999] {
         assert_eq!(read(&mut drive, ms(silent), STATUS, 1), None, "{silent} ms");
     }
     assert_eq!(word(&mut drive, ms(12_000), STATUS), 0x4000);
-    assert_eq!((word(&mut drive, ms(12_000), COMMAND), word(&mut drive, ms(12_000), FREQUENCY)), (0, 0));
+    assert_eq!(
+        (
+            word(&mut drive, ms(12_000), COMMAND),
+            word(&mut drive, ms(12_000), FREQUENCY)
+        ),
+        (0, 0)
+    );
     // Held, the bit is one thing too many, and does nothing more.
     take(&mut drive, seconds(12), &[(COMMAND, 0xE000)]);
     assert_eq!(drive.report().resets_held, 1);
-    take(&mut drive, seconds(12), &[(COMMAND, 0xC000), (FREQUENCY, 3000), (COMMAND, 0xC400)]);
+    take(
+        &mut drive,
+        seconds(12),
+        &[(COMMAND, 0xC000), (FREQUENCY, 3000), (COMMAND, 0xC400)],
+    );
     assert_eq!(hertz(&drive, seconds(30)), 30);
 }
 
@@ -111,12 +184,18 @@ fn a_reset_hands_a_closed_terminal_the_motor() {
 #[test]
 fn readings_are_per_cent_of_what_is_rated() {
     let mut drive = drive();
-    take(&mut drive, seconds(0), &[(FREQUENCY, 6000), (COMMAND, 0xC400)]);
-    let found = [0xFD00, 0xFD03, 0xFD04, 0xFD05].map(|address| word(&mut drive, seconds(5), address));
+    take(
+        &mut drive,
+        seconds(0),
+        &[(FREQUENCY, 6000), (COMMAND, 0xC400)],
+    );
+    let found =
+        [0xFD00, 0xFD03, 0xFD04, 0xFD05].map(|address| word(&mut drive, seconds(5), address));
     // Half the speed: 33 % and half of 67 %, 530 of 540 V, half the voltage.
     assert_eq!(found, [3000, 6650, 9814, 5000]);
     drive.trip(seconds(5), 24);
-    let live = [0xFD00, 0xFD03, 0xFD04, 0xFD05].map(|address| word(&mut drive, seconds(6), address));
+    let live =
+        [0xFD00, 0xFD03, 0xFD04, 0xFD05].map(|address| word(&mut drive, seconds(6), address));
     let frozen = [0xFE00, 0xFE03, 0xFE04].map(|address| word(&mut drive, seconds(6), address));
     assert_eq!((live, frozen), ([0, 0, 10_000, 0], [3000, 6650, 9814]));
 }
@@ -137,7 +216,11 @@ fn every_built_in_back_door_that_moves_the_frequency_is_played() {
     use super::super::back_door::BackDoor;
     let doors = |id: &str| -> Vec<_> {
         let model = model(id);
-        model.registers.iter().filter_map(|it| Some((it.address.number(), BackDoor::of(it)?))).collect()
+        model
+            .registers
+            .iter()
+            .filter_map(|it| Some((it.address.number(), BackDoor::of(it)?)))
+            .collect()
     };
     use BackDoor::{Frequency, Limit};
     assert_eq!(doors("hyundai-n700"), []);

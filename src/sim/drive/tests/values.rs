@@ -77,8 +77,19 @@ fn run_is_obeyed_only_with_both_sources_at_communication() {
         drive.set_locally(seconds(100), (F010).into(), 0);
         assert_eq!(write(&mut drive, seconds(100), SETPOINT, 100), 5000);
     }
-    let from_the_factory = DriveOptions { sources_at_start: Some(2), ..DriveOptions::default() };
-    assert_eq!(write(&mut SimDrive::new(n700(), from_the_factory), seconds(0), RUN, 1), 0);
+    let from_the_factory = DriveOptions {
+        sources_at_start: Some(2),
+        ..DriveOptions::default()
+    };
+    assert_eq!(
+        write(
+            &mut SimDrive::new(n700(), from_the_factory),
+            seconds(0),
+            RUN,
+            1
+        ),
+        0
+    );
 }
 
 #[test]
@@ -90,7 +101,10 @@ fn a_trip_is_recorded_and_run_is_refused_until_reset() {
     assert!(drive.is_tripped());
     assert_eq!(output(&mut drive, seconds(5)), 0);
     // 33 % + 67 % * 50 % of 11.0 A; 540 V less half of 20 V.
-    assert_eq!(read(&mut drive, seconds(5), TRIP_COUNT, 5), Some(vec![1, 4, 3000, 73, 530]));
+    assert_eq!(
+        read(&mut drive, seconds(5), TRIP_COUNT, 5),
+        Some(vec![1, 4, 3000, 73, 530])
+    );
     assert_eq!(write(&mut drive, seconds(6), RUN, 1), 0);
     assert_eq!(write(&mut drive, seconds(6), RUN, 2), 0);
     assert_eq!(write(&mut drive, seconds(6), RUN, 0), 0);
@@ -99,8 +113,14 @@ fn a_trip_is_recorded_and_run_is_refused_until_reset() {
     assert_eq!(output(&mut drive, seconds(20)), 0);
     assert_eq!(write(&mut drive, seconds(20), RUN, 1), 1);
     drive.trip(seconds(50), 9);
-    assert_eq!(read(&mut drive, seconds(50), TRIP_COUNT, 6), Some(vec![2, 9, 6000, 110, 520, 4]));
-    assert_eq!(read(&mut drive, seconds(50), 0x0117, 4), Some(vec![4, 3000, 73, 530]));
+    assert_eq!(
+        read(&mut drive, seconds(50), TRIP_COUNT, 6),
+        Some(vec![2, 9, 6000, 110, 520, 4])
+    );
+    assert_eq!(
+        read(&mut drive, seconds(50), 0x0117, 4),
+        Some(vec![4, 3000, 73, 530])
+    );
     assert_eq!(read(&mut drive, seconds(50), 0x0127, 4), Some(vec![0; 4]));
     assert_eq!(read(&mut drive, seconds(50), 0x012B, 1), None);
 }
@@ -119,11 +139,18 @@ fn bad_requests_are_met_with_silence_or_an_exception() {
         (&[8, 0, 0, 0, 1], 0x01),
         (&[16, 0x02, 0x0C, 0, 1, 2, 0, 1], 0x01),
     ];
-    let options = DriveOptions { bad_request: BadRequest::Exception, ..DriveOptions::default() };
+    let options = DriveOptions {
+        bad_request: BadRequest::Exception,
+        ..DriveOptions::default()
+    };
     let mut talkative = SimDrive::new(n700(), options);
     for (pdu, code) in bad {
         assert_eq!(ask(&mut drive(), seconds(0), pdu), None, "{pdu:?}");
-        assert_eq!(ask(&mut talkative, seconds(0), pdu), Some(vec![pdu[0] | 0x80, code]), "{pdu:?}");
+        assert_eq!(
+            ask(&mut talkative, seconds(0), pdu),
+            Some(vec![pdu[0] | 0x80, code]),
+            "{pdu:?}"
+        );
     }
 }
 
@@ -132,7 +159,10 @@ fn a_model_may_refuse_by_exception() {
     let mut model = (*n700()).clone();
     model.write.refused.value = RefusedWrite::Exception;
     let mut drive = SimDrive::new(Arc::new(model), DriveOptions::default());
-    assert_eq!(ask(&mut drive, seconds(0), &[6, 0, 4, 0x17, 0x71]), Some(vec![0x86, 0x03]));
+    assert_eq!(
+        ask(&mut drive, seconds(0), &[6, 0, 4, 0x17, 0x71]),
+        Some(vec![0x86, 0x03])
+    );
     assert_eq!(write(&mut drive, seconds(0), SETPOINT, 6000), 6000);
 }
 
@@ -164,12 +194,18 @@ fn a_power_cycle_stops_and_resets_but_keeps_settings_and_records() {
     assert!(!drive.is_tripped());
     assert_eq!(output(&mut drive, seconds(60)), 0);
     assert_eq!(read(&mut drive, seconds(60), F001, 1), Some(vec![6000]));
-    assert_eq!(read(&mut drive, seconds(60), TRIP_COUNT, 2), Some(vec![1, 1]));
+    assert_eq!(
+        read(&mut drive, seconds(60), TRIP_COUNT, 2),
+        Some(vec![1, 1])
+    );
 }
 
 #[test]
 fn proof_words_show_the_low_half_of_the_exchange_number() {
-    let options = DriveOptions { proof_words: Some(0x3000..=0x3FFF), ..DriveOptions::default() };
+    let options = DriveOptions {
+        proof_words: Some(0x3000..=0x3FFF),
+        ..DriveOptions::default()
+    };
     let mut drive = SimDrive::new(n700(), options);
     assert_eq!(read(&mut drive, seconds(0), 0x3ABC, 2), Some(vec![7, 7]));
     assert_eq!(read(&mut drive, seconds(0), 0x4000, 1), None);

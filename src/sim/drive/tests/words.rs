@@ -10,21 +10,30 @@ const SETPOINT: u16 = 0x2001;
 const STATUS: u16 = 0x2100;
 
 fn drive(text: &str) -> SimDrive {
-    let mut drive = SimDrive::new(Arc::new(check::model(text).unwrap()), DriveOptions::default());
+    let mut drive = SimDrive::new(
+        Arc::new(check::model(text).unwrap()),
+        DriveOptions::default(),
+    );
     take(&mut drive, seconds(0), &[(SETPOINT, 3000)]);
     drive
 }
 
 fn ignoring() -> SimDrive {
-    drive(include_str!("../../../../tests/golden/models/zero-ignored.toml"))
+    drive(include_str!(
+        "../../../../tests/golden/models/zero-ignored.toml"
+    ))
 }
 
 fn latching() -> SimDrive {
-    drive(include_str!("../../../../tests/golden/models/zero-nothing.toml"))
+    drive(include_str!(
+        "../../../../tests/golden/models/zero-nothing.toml"
+    ))
 }
 
 fn coasting() -> SimDrive {
-    drive(include_str!("../../../../tests/golden/models/zero-coast.toml"))
+    drive(include_str!(
+        "../../../../tests/golden/models/zero-coast.toml"
+    ))
 }
 
 #[test]
@@ -34,9 +43,17 @@ fn a_word_that_is_not_taken_is_answered_and_changes_nothing() {
     // 0, a coast, a reverse and a stop, all without bit 10.
     for word in [0x0000, 0x0034, 0x807C, 0x003C] {
         take(&mut drive, seconds(5), &[(RUN, word)]);
-        assert_eq!((hertz(&drive, seconds(9)), word_of(&mut drive)), (30, 1), "{word:04X}");
+        assert_eq!(
+            (hertz(&drive, seconds(9)), word_of(&mut drive)),
+            (30, 1),
+            "{word:04X}"
+        );
     }
-    assert_eq!(refused(&mut drive, seconds(9), RUN, 0x087C), 3, "bit 11 is not declared");
+    assert_eq!(
+        refused(&mut drive, seconds(9), RUN, 0x087C),
+        3,
+        "bit 11 is not declared"
+    );
 }
 
 fn word_of(drive: &mut SimDrive) -> u16 {
@@ -45,7 +62,12 @@ fn word_of(drive: &mut SimDrive) -> u16 {
 
 #[test]
 fn meanings_hold_while_their_bits_are_0() {
-    for (stop, at_once) in [(0x043C, false), (0x0434, true), (0x042C, false), (0x0438, false)] {
+    for (stop, at_once) in [
+        (0x043C, false),
+        (0x0434, true),
+        (0x042C, false),
+        (0x0438, false),
+    ] {
         let mut drive = ignoring();
         take(&mut drive, seconds(0), &[(RUN, 0x847C)]);
         assert_eq!(hertz(&drive, seconds(9)), -30);
@@ -79,15 +101,27 @@ fn a_frozen_output_stays_where_it_is() {
 fn a_run_order_stays_until_a_stop() {
     let mut drive = latching();
     take(&mut drive, seconds(0), &[(RUN, 0x0000), (RUN, 0x0010)]);
-    assert_eq!(hertz(&drive, seconds(9)), 0, "a direction alone starts nothing");
+    assert_eq!(
+        hertz(&drive, seconds(9)),
+        0,
+        "a direction alone starts nothing"
+    );
     take(&mut drive, seconds(9), &[(RUN, 0x0012), (RUN, 0x0000)]);
     assert_eq!(hertz(&drive, seconds(20)), 30);
     take(&mut drive, seconds(20), &[(RUN, 0x0020)]);
-    assert_eq!(hertz(&drive, seconds(40)), -30, "a direction turns a motor that runs");
+    assert_eq!(
+        hertz(&drive, seconds(40)),
+        -30,
+        "a direction turns a motor that runs"
+    );
     take(&mut drive, seconds(40), &[(RUN, 0x0030)]);
     assert_eq!(hertz(&drive, seconds(60)), 30, "and so does the other one");
     take(&mut drive, seconds(60), &[(RUN, 0x0013)]);
-    assert_eq!(hertz(&drive, seconds(80)), 0, "a stop is stronger than a run order beside it");
+    assert_eq!(
+        hertz(&drive, seconds(80)),
+        0,
+        "a stop is stronger than a run order beside it"
+    );
     take(&mut drive, seconds(80), &[(RUN, 0x0000)]);
     assert_eq!(hertz(&drive, seconds(90)), 0);
 }

@@ -33,7 +33,8 @@ const BODY_BYTES_MAX: usize = 128 * 1024;
 /// Most characters of what is kept in the audit.
 const KEPT_CHARS: usize = 200;
 
-const LINK_EXAMPLE: &str = r#"a `link` such as {"baud": 9600, "parity": "none", "stop_bits": 1} is expected"#;
+const LINK_EXAMPLE: &str =
+    r#"a `link` such as {"baud": 9600, "parity": "none", "stop_bits": 1} is expected"#;
 const OFF: &str = "set-up in the page is off: `setup = true` in [http] turns it on";
 const NOT_YOURS: &str = "this needs the role `setup`";
 
@@ -69,20 +70,38 @@ fn answered(answer: Answer) -> Response {
 
 /// Commissioning, for a user who only looks.
 fn looked_at(control: &Control, headers: &HeaderMap) -> Result<Arc<Commissioning>, Refused> {
-    let rights =
-        signed_in(control, headers).ok_or_else(|| refused(StatusCode::UNAUTHORIZED, "you are not signed in"))?;
+    let rights = signed_in(control, headers)
+        .ok_or_else(|| refused(StatusCode::UNAUTHORIZED, "you are not signed in"))?;
     allowed(control, rights.may_set_up())
 }
 
 fn allowed(control: &Control, may_set_up: bool) -> Result<Arc<Commissioning>, Refused> {
-    let commissioning = control.commissioning.as_ref().filter(|_| control.front.load().sets_up());
+    let commissioning = control
+        .commissioning
+        .as_ref()
+        .filter(|_| control.front.load().sets_up());
     let commissioning = commissioning.ok_or_else(|| refused(StatusCode::FORBIDDEN, OFF))?;
-    if may_set_up { Ok(Arc::clone(commissioning)) } else { Err(refused(StatusCode::FORBIDDEN, NOT_YOURS)) }
+    if may_set_up {
+        Ok(Arc::clone(commissioning))
+    } else {
+        Err(refused(StatusCode::FORBIDDEN, NOT_YOURS))
+    }
 }
 
 /// A request that does something, with who sent it.
-async fn admitted(control: &Control, request: Request) -> Result<(Arc<Commissioning>, Who, Bytes), Refused> {
-    let Admitted { user, rights, body, old, .. } = admit_with(control, request, BODY_BYTES_MAX).await?.whole()?;
+async fn admitted(
+    control: &Control,
+    request: Request,
+) -> Result<(Arc<Commissioning>, Who, Bytes), Refused> {
+    let Admitted {
+        user,
+        rights,
+        body,
+        old,
+        ..
+    } = admit_with(control, request, BODY_BYTES_MAX)
+        .await?
+        .whole()?;
     let commissioning = allowed(control, rights.may_set_up())?;
     match old {
         Some(old) => Err(refused(StatusCode::CONFLICT, &old.to_string())),
@@ -95,17 +114,21 @@ async fn site(State(control): State<Arc<Control>>, headers: HeaderMap) -> Respon
         let commissioning = looked_at(&control, &headers)?;
         let present = commissioning.present().await;
         // To find the holders of ports takes longer than this thread may.
-        let ports = tokio::task::spawn_blocking(adapters::list).await.unwrap_or_default();
+        let ports = tokio::task::spawn_blocking(adapters::list)
+            .await
+            .unwrap_or_default();
         Ok(json(&site_json(&commissioning, present, &ports)).into_response())
     };
     answered(answer.await)
 }
 
 async fn scan(State(control): State<Arc<Control>>, headers: HeaderMap) -> Response {
-    answered(looked_at(&control, &headers).map(|commissioning| match commissioning.scan() {
-        Some(scan) => json(&scan_json(&scan)).into_response(),
-        None => refusal(StatusCode::NOT_FOUND, "no scan was started"),
-    }))
+    answered(
+        looked_at(&control, &headers).map(|commissioning| match commissioning.scan() {
+            Some(scan) => json(&scan_json(&scan)).into_response(),
+            None => refusal(StatusCode::NOT_FOUND, "no scan was started"),
+        }),
+    )
 }
 
 async fn begin(State(control): State<Arc<Control>>, request: Request) -> Response {
@@ -114,7 +137,9 @@ async fn begin(State(control): State<Arc<Control>>, request: Request) -> Respons
         let expected = r#"a body such as {"port": "/dev/ttyUSB0", "stations": "1-32"} is expected"#;
         let body: Value = serde_json::from_slice(&body).unwrap_or_default();
         let wish = (body["port"].as_str(), body["stations"].as_str());
-        let (Some(port), Some(stations)) = wish else { return Err(refused(StatusCode::BAD_REQUEST, expected)) };
+        let (Some(port), Some(stations)) = wish else {
+            return Err(refused(StatusCode::BAD_REQUEST, expected));
+        };
         let link = &body["link"];
         let how = match settings(link) {
             Some(only) => only,
@@ -131,11 +156,19 @@ async fn begin(State(control): State<Arc<Control>>, request: Request) -> Respons
 
 /// The one setting that is to be tried.
 fn settings(link: &Value) -> Option<Settings> {
-    let baud = u32::try_from(link["baud"].as_u64()?).ok().filter(|baud| (300..=1_000_000).contains(baud))?;
-    let stop_bits = u8::try_from(link["stop_bits"].as_u64()?).ok().filter(|bits| (1..=2).contains(bits))?;
+    let baud = u32::try_from(link["baud"].as_u64()?)
+        .ok()
+        .filter(|baud| (300..=1_000_000).contains(baud))?;
+    let stop_bits = u8::try_from(link["stop_bits"].as_u64()?)
+        .ok()
+        .filter(|bits| (1..=2).contains(bits))?;
     let word = link["parity"].as_str()?;
     let (_, parity) = PARITIES.into_iter().find(|(known, _)| *known == word)?;
-    Some(Settings::Only { baud, parity, stop_bits })
+    Some(Settings::Only {
+        baud,
+        parity,
+        stop_bits,
+    })
 }
 
 async fn forget(State(control): State<Arc<Control>>, request: Request) -> Response {
@@ -152,12 +185,18 @@ async fn values(State(control): State<Arc<Control>>, request: Request) -> Respon
         let (commissioning, _, body) = admitted(&control, request).await?;
         let expected = r#"a body such as {"station": 3, "models": ["the id of one"]} is expected"#;
         let body: Value = serde_json::from_slice(&body).unwrap_or_default();
-        let station = body["station"].as_u64().and_then(|station| u8::try_from(station).ok());
-        let models = body["models"].as_array().map(|ids| ids.iter().filter_map(Value::as_str).map(str::to_owned));
+        let station = body["station"]
+            .as_u64()
+            .and_then(|station| u8::try_from(station).ok());
+        let models = body["models"]
+            .as_array()
+            .map(|ids| ids.iter().filter_map(Value::as_str).map(str::to_owned));
         let (Some(station), Some(models)) = (station, models) else {
             return Err(refused(StatusCode::BAD_REQUEST, expected));
         };
-        let values = commissioning.values(station, &models.collect::<Vec<_>>()).await?;
+        let values = commissioning
+            .values(station, &models.collect::<Vec<_>>())
+            .await?;
         Ok(json(&values_json(station, &values)).into_response())
     };
     answered(answer.await)
@@ -176,23 +215,40 @@ async fn apply(State(control): State<Arc<Control>>, request: Request) -> Respons
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
         let (wanted, digest) = wanted(&body)?;
-        let digest = digest.ok_or_else(|| refused(StatusCode::BAD_REQUEST, "`digest` is missing: check first"))?;
+        let digest = digest
+            .ok_or_else(|| refused(StatusCode::BAD_REQUEST, "`digest` is missing: check first"))?;
         // A client that disconnects does not leave the file half way.
-        let changed = tokio::spawn(async move { (commissioning.apply(&wanted, &digest).await, wanted) });
+        let changed =
+            tokio::spawn(async move { (commissioning.apply(&wanted, &digest).await, wanted) });
         let Ok((done, wanted)) = changed.await else {
-            return Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the change broke off"));
+            return Err(refused(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "the change broke off",
+            ));
         };
         let what = described(&wanted);
         match &done {
             Ok(_) => kept(&control, who, Outcome::Acknowledged, &what),
-            Err(NotDone::Refused(why)) => kept(&control, who, Outcome::Refused, &format!("{what}: {why}")),
-            Err(NotDone::Problems(_)) => kept(&control, who, Outcome::Refused, &format!("{what}: it has problems")),
+            Err(NotDone::Refused(why)) => {
+                kept(&control, who, Outcome::Refused, &format!("{what}: {why}"))
+            }
+            Err(NotDone::Problems(_)) => kept(
+                &control,
+                who,
+                Outcome::Refused,
+                &format!("{what}: it has problems"),
+            ),
         }
         match done {
             Ok(done) => {
                 let kept_as = done.kept_as.display().to_string();
                 tracing::info!(by = %who.owner(), kept_as, "configuration changed from the page: {what}");
-                let changes: Vec<_> = done.applied.changes.iter().map(ToString::to_string).collect();
+                let changes: Vec<_> = done
+                    .applied
+                    .changes
+                    .iter()
+                    .map(ToString::to_string)
+                    .collect();
                 let warnings = problems_json(&done.applied.warnings, "");
                 let answer = json!({ "applied": true, "kept_as": kept_as, "changes": changes, "warnings": warnings });
                 Ok(json(&answer).into_response())
@@ -222,10 +278,16 @@ fn described(wanted: &Wanted) -> String {
 /// Keeps in the audit what a user did here; why it was refused is part of the text.
 fn kept(control: &Control, who: Who, outcome: Outcome, what: &str) {
     let tried = Tried::Text(what.chars().take(KEPT_CHARS).collect());
-    control.side.keep(who, None, tried, Report::new(outcome, Reason::None));
+    control
+        .side
+        .keep(who, None, tried, Report::new(outcome, Reason::None));
 }
 
-async fn verify(State(control): State<Arc<Control>>, Path(name): Path<String>, headers: HeaderMap) -> Response {
+async fn verify(
+    State(control): State<Arc<Control>>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+) -> Response {
     let answer = async {
         let commissioning = looked_at(&control, &headers)?;
         let (side, drive) = (commissioning.side(), drive(&control, &name)?);
@@ -237,12 +299,25 @@ async fn verify(State(control): State<Arc<Control>>, Path(name): Path<String>, h
 
 /// Sets what the drive's model demands for bus control, as `vfd-gateway enable` does: the gateway is the tool of a user
 /// whom the configuration allows this.
-async fn enable(State(control): State<Arc<Control>>, Path(name): Path<String>, request: Request) -> Response {
+async fn enable(
+    State(control): State<Arc<Control>>,
+    Path(name): Path<String>,
+    request: Request,
+) -> Response {
     let answer = async {
         let (commissioning, who, body) = admitted(&control, request).await?;
         let drive = drive(&control, &name)?;
-        let expected = || refused(StatusCode::BAD_REQUEST, &format!("a body such as {EXAMPLE} is expected"));
-        let registers: Vec<_> = addresses(&body).ok_or_else(expected)?.into_iter().map(Address::holding).collect();
+        let expected = || {
+            refused(
+                StatusCode::BAD_REQUEST,
+                &format!("a body such as {EXAMPLE} is expected"),
+            )
+        };
+        let registers: Vec<_> = addresses(&body)
+            .ok_or_else(expected)?
+            .into_iter()
+            .map(Address::holding)
+            .collect();
         let place = commissioning.side().place().ok_or_else(too_many)?;
         // A client that disconnects does not cancel the order.
         let set = tokio::spawn(async move {
@@ -250,11 +325,19 @@ async fn enable(State(control): State<Arc<Control>>, Path(name): Path<String>, r
             setup::set(commissioning.side(), &drive, registers).await
         });
         let Ok(answer) = set.await else {
-            return Err(refused(StatusCode::INTERNAL_SERVER_ERROR, "the order broke off"));
+            return Err(refused(
+                StatusCode::INTERNAL_SERVER_ERROR,
+                "the order broke off",
+            ));
         };
         tracing::info!(by = %who.owner(), drive = name, "set for bus control from the page");
         // The order itself is the gateway's own; this names the user.
-        kept(&control, who, Outcome::Acknowledged, &format!("set-up: enable of {name}"));
+        kept(
+            &control,
+            who,
+            Outcome::Acknowledged,
+            &format!("set-up: enable of {name}"),
+        );
         Ok(json(&answer).into_response())
     };
     answered(answer.await)
@@ -265,5 +348,8 @@ fn drive(control: &Control, name: &str) -> Result<Arc<SharedDrive>, Refused> {
 }
 
 fn too_many() -> Refused {
-    refused(StatusCode::SERVICE_UNAVAILABLE, "other tools are being served; try again in a moment")
+    refused(
+        StatusCode::SERVICE_UNAVAILABLE,
+        "other tools are being served; try again in a moment",
+    )
 }

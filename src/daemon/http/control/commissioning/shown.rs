@@ -25,8 +25,12 @@ pub(super) fn site_json(
         Ok((config, digest)) => (Some(config), Some(digest), commissioning.why_not_written()),
         Err(why) => (None, None, Some(why.to_string())),
     };
-    let lines = config.as_ref().map(|config| config.lines.as_slice()).unwrap_or_default();
-    let meaning = |(word, action): &(&str, _)| json!({ "word": word, "meaning": of_fail_safe(*action) });
+    let lines = config
+        .as_ref()
+        .map(|config| config.lines.as_slice())
+        .unwrap_or_default();
+    let meaning =
+        |(word, action): &(&str, _)| json!({ "word": word, "meaning": of_fail_safe(*action) });
     json!({
         "configuration": { "path": commissioning.path(), "digest": digest, "why_not": why },
         "ports": ports.iter().map(|port| port_json(port, lines)).collect::<Vec<_>>(),
@@ -41,12 +45,23 @@ pub(super) fn site_json(
 fn ways(config: &Config) -> Vec<&'static str> {
     let mqtt = config.mqtt.as_ref();
     let ways = [
-        (config.http.as_ref().is_some_and(|http| !http.users.is_empty()), "page"),
+        (
+            config
+                .http
+                .as_ref()
+                .is_some_and(|http| !http.users.is_empty()),
+            "page",
+        ),
         (!config.listeners.is_empty(), "modbus-tcp"),
         (mqtt.is_some(), "mqtt"),
-        (mqtt.is_some_and(|mqtt| mqtt.sparkplug.is_some()), "sparkplug"),
+        (
+            mqtt.is_some_and(|mqtt| mqtt.sparkplug.is_some()),
+            "sparkplug",
+        ),
     ];
-    ways.into_iter().filter_map(|(is, way)| is.then_some(way)).collect()
+    ways.into_iter()
+        .filter_map(|(is, way)| is.then_some(way))
+        .collect()
 }
 
 fn port_json(port: &Adapter, lines: &[LineSettings]) -> Value {
@@ -93,7 +108,9 @@ pub(super) fn scan_json(scan: &Running) -> Value {
     let here = scan.setting();
     let at = |number: usize| scan.plan().settings.get(number).map(setting_text);
     let drive = |finding: &Finding| {
-        let is_judged = progress.judged.contains(&(finding.setting, finding.station));
+        let is_judged = progress
+            .judged
+            .contains(&(finding.setting, finding.station));
         let verdict = &finding.verdict;
         json!({
             "station": finding.station,
@@ -104,9 +121,15 @@ pub(super) fn scan_json(scan: &Running) -> Value {
             "other": verdict.other,
         })
     };
-    let damaged = progress.findings.damaged.iter().flat_map(|(setting, stations)| {
-        stations.iter().map(move |station| json!({ "station": station, "at": at(*setting) }))
-    });
+    let damaged = progress
+        .findings
+        .damaged
+        .iter()
+        .flat_map(|(setting, stations)| {
+            stations
+                .iter()
+                .map(move |station| json!({ "station": station, "at": at(*setting) }))
+        });
     let error = match &progress.state {
         ScanState::Failed(why) => Some(why),
         _ => None,
@@ -160,7 +183,11 @@ pub(super) fn proposal_json(proposal: &Proposal) -> Value {
     let before = text.get(..proposal.edited.added.start).unwrap_or_default();
     let problems = problems_json(proposal.problems(), text);
     let is_right = proposal.config.is_ok();
-    let (problems, warnings) = if is_right { (json!([]), problems) } else { (problems, json!([])) };
+    let (problems, warnings) = if is_right {
+        (json!([]), problems)
+    } else {
+        (problems, json!([]))
+    };
     json!({
         "digest": proposal.digest,
         "text": proposal.added(),

@@ -15,11 +15,25 @@ fn acknowledge(rig: &mut Rig, id: Id, pkid: u16) {
 fn a_message_goes_to_those_that_want_it_at_the_lower_of_both_qualities() {
     let mut rig = Rig::new();
     let writer = rig.connect("writer");
-    for (wanted, number) in [(QoS::AtMostOnce, 0), (QoS::AtLeastOnce, 1), (QoS::ExactlyOnce, 2)] {
+    for (wanted, number) in [
+        (QoS::AtMostOnce, 0),
+        (QoS::AtLeastOnce, 1),
+        (QoS::ExactlyOnce, 2),
+    ] {
         let reader = rig.connect("reader");
         assert_eq!(rig.subscribe(reader, &[filter("a/+", wanted)]).len(), 1);
-        for (qos, other) in [(QoS::AtMostOnce, 0), (QoS::AtLeastOnce, 1), (QoS::ExactlyOnce, 2)] {
-            rig.publish(writer, v5::Publish { pkid: other, ..message("a/b", "x", qos) });
+        for (qos, other) in [
+            (QoS::AtMostOnce, 0),
+            (QoS::AtLeastOnce, 1),
+            (QoS::ExactlyOnce, 2),
+        ] {
+            rig.publish(
+                writer,
+                v5::Publish {
+                    pkid: other,
+                    ..message("a/b", "x", qos)
+                },
+            );
             let got = rig.messages(reader);
             assert_eq!(got.len(), 1);
             assert_eq!(got[0].qos as u16, number.min(other));
@@ -29,7 +43,11 @@ fn a_message_goes_to_those_that_want_it_at_the_lower_of_both_qualities() {
         rig.say(writer, &v5::Packet::PubRel(v5::PubRel::new(id, None)));
     }
     rig.publish(writer, message("b/b", "x", QoS::AtMostOnce));
-    assert_eq!(rig.take(writer).len(), 3 + 3 + 3, "PUBACK, PUBREC and PUBCOMP of each round");
+    assert_eq!(
+        rig.take(writer).len(),
+        3 + 3 + 3,
+        "PUBACK, PUBREC and PUBCOMP of each round"
+    );
 }
 
 #[test]
@@ -42,16 +60,30 @@ fn quality_2_is_delivered_once_however_often_it_is_sent() {
     rig.machine.closed(writer, rig.now);
     let (writer, ack) = rig.connect_with(lasting("writer", 60), None);
     assert!(ack.session_present);
-    rig.publish(writer, v5::Publish { dup: true, ..message("a", "x", QoS::ExactlyOnce) });
+    rig.publish(
+        writer,
+        v5::Publish {
+            dup: true,
+            ..message("a", "x", QoS::ExactlyOnce)
+        },
+    );
     assert!(matches!(&rig.take(writer)[..], [v5::Packet::PubRec(it)] if it.pkid == 9));
     let got = rig.messages(reader);
     assert_eq!(got.len(), 1);
     assert!(rig.say(writer, &v5::Packet::PubRel(v5::PubRel::new(9, None))));
-    assert!(matches!(&rig.take(writer)[..], [v5::Packet::PubComp(it)] if it.reason == v5::PubCompReason::Success));
+    assert!(
+        matches!(&rig.take(writer)[..], [v5::Packet::PubComp(it)] if it.reason == v5::PubCompReason::Success)
+    );
     // The other half: PUBREC, PUBREL, PUBCOMP with the reader.
-    assert!(rig.say(reader, &v5::Packet::PubRec(v5::PubRec::new(got[0].pkid, None))));
+    assert!(rig.say(
+        reader,
+        &v5::Packet::PubRec(v5::PubRec::new(got[0].pkid, None))
+    ));
     assert!(matches!(&rig.take(reader)[..], [v5::Packet::PubRel(it)] if it.pkid == got[0].pkid));
-    assert!(rig.say(reader, &v5::Packet::PubComp(v5::PubComp::new(got[0].pkid, None))));
+    assert!(rig.say(
+        reader,
+        &v5::Packet::PubComp(v5::PubComp::new(got[0].pkid, None))
+    ));
     assert!(rig.take(reader).is_empty());
     // An unused identifier.
     assert!(rig.say(reader, &v5::Packet::PubRec(v5::PubRec::new(77, None))));
@@ -65,18 +97,34 @@ fn what_was_not_acknowledged_comes_again_in_order_and_says_so() {
     let writer = rig.connect("writer");
     let (reader, _) = rig.connect_with(lasting("reader", 60), None);
     rig.subscribe(reader, &[filter("#", QoS::ExactlyOnce)]);
-    for (payload, qos) in [("1", QoS::AtLeastOnce), ("2", QoS::ExactlyOnce), ("3", QoS::ExactlyOnce)] {
-        rig.publish(writer, v5::Publish { pkid: 5, ..message("x", payload, qos) });
+    for (payload, qos) in [
+        ("1", QoS::AtLeastOnce),
+        ("2", QoS::ExactlyOnce),
+        ("3", QoS::ExactlyOnce),
+    ] {
+        rig.publish(
+            writer,
+            v5::Publish {
+                pkid: 5,
+                ..message("x", payload, qos)
+            },
+        );
         rig.say(writer, &v5::Packet::PubRel(v5::PubRel::new(5, None)));
     }
     let got = rig.messages(reader);
     assert_eq!(got.iter().map(|it| it.dup).collect::<Vec<_>>(), [false; 3]);
-    assert!(rig.say(reader, &v5::Packet::PubRec(v5::PubRec::new(got[1].pkid, None))));
+    assert!(rig.say(
+        reader,
+        &v5::Packet::PubRec(v5::PubRec::new(got[1].pkid, None))
+    ));
     rig.machine.closed(reader, rig.now);
     rig.publish(writer, message("x", "4", QoS::AtLeastOnce));
     rig.publish(writer, message("x", "lost", QoS::AtMostOnce));
     let reader = rig.open();
-    rig.say(reader, &v5::Packet::Connect(lasting("reader", 60), None, None));
+    rig.say(
+        reader,
+        &v5::Packet::Connect(lasting("reader", 60), None, None),
+    );
     let again = rig.take(reader);
     let text = |it: &v5::Packet| match it {
         v5::Packet::ConnAck(ack) => format!("session {}", ack.session_present),
@@ -85,7 +133,16 @@ fn what_was_not_acknowledged_comes_again_in_order_and_says_so() {
         other => format!("{other:?}"),
     };
     let said: Vec<String> = again.iter().map(text).collect();
-    assert_eq!(said, ["session true", "1 true", "release true", "3 true", "4 false"]);
+    assert_eq!(
+        said,
+        [
+            "session true",
+            "1 true",
+            "release true",
+            "3 true",
+            "4 false"
+        ]
+    );
 }
 
 #[test]
@@ -93,8 +150,14 @@ fn no_more_is_in_flight_than_the_client_takes_and_all_comes_in_order() {
     let mut rig = Rig::new();
     let writer = rig.connect("writer");
     for (maximum, expected) in [(Some(2), 2), (None, 64), (Some(1000), 64)] {
-        let properties = v5::ConnectProperties { receive_maximum: maximum, ..Default::default() };
-        let connect = v5::Connect { properties: Some(properties), ..connect("reader") };
+        let properties = v5::ConnectProperties {
+            receive_maximum: maximum,
+            ..Default::default()
+        };
+        let connect = v5::Connect {
+            properties: Some(properties),
+            ..connect("reader")
+        };
         let (reader, _) = rig.connect_with(connect, None);
         rig.subscribe(reader, &[filter("a", QoS::AtLeastOnce)]);
         for number in 0..100 {
@@ -107,7 +170,10 @@ fn no_more_is_in_flight_than_the_client_takes_and_all_comes_in_order() {
             acknowledge(&mut rig, reader, pkid);
             got.extend(rig.messages(reader));
         }
-        let numbers: Vec<usize> = got.iter().map(|it| str::from_utf8(&it.payload).unwrap().parse().unwrap()).collect();
+        let numbers: Vec<usize> = got
+            .iter()
+            .map(|it| str::from_utf8(&it.payload).unwrap().parse().unwrap())
+            .collect();
         assert_eq!(numbers, (0..100).collect::<Vec<_>>());
     }
 }
@@ -120,7 +186,11 @@ fn a_full_queue_drops_the_oldest_at_quality_0_first_and_counts() {
     rig.subscribe(reader, &[filter("a", QoS::AtLeastOnce)]);
     let max = super::super::limits::WAITING_MAX;
     for number in 0..max + 2 {
-        let qos = if number % 2 == 0 { QoS::AtMostOnce } else { QoS::AtLeastOnce };
+        let qos = if number % 2 == 0 {
+            QoS::AtMostOnce
+        } else {
+            QoS::AtLeastOnce
+        };
         rig.publish(writer, message("a", &number.to_string(), qos));
     }
     let report = rig.machine.take_report();
@@ -132,7 +202,10 @@ fn a_full_queue_drops_the_oldest_at_quality_0_first_and_counts() {
         rig.publish(writer, message("a", &number.to_string(), QoS::AtLeastOnce));
     }
     let report = rig.machine.take_report();
-    assert!(report.dropped["reader"] > 0, "those above 0 are bounded too");
+    assert!(
+        report.dropped["reader"] > 0,
+        "those above 0 are bounded too"
+    );
     assert_eq!(rig.machine.take_report(), Default::default());
 }
 
@@ -146,29 +219,47 @@ fn retained_messages_come_at_a_subscription_as_it_asks_for_them() {
     let reader = rig.connect("reader");
     rig.subscribe(reader, &[filter("a/#", QoS::AtMostOnce)]);
     let got = rig.messages(reader);
-    assert_eq!(got.iter().map(|it| &*it.topic).collect::<Vec<_>>(), [b"a/1", b"a/2"]);
+    assert_eq!(
+        got.iter().map(|it| &*it.topic).collect::<Vec<_>>(),
+        [b"a/1", b"a/2"]
+    );
     assert!(got.iter().all(|it| it.retain && it.qos == QoS::AtMostOnce));
     for (rule, count) in [
         (RetainForwardRule::OnEverySubscribe, 2),
         (RetainForwardRule::OnNewSubscribe, 0),
         (RetainForwardRule::Never, 0),
     ] {
-        let again = v5::Filter { retain_forward_rule: rule, ..filter("a/#", QoS::AtMostOnce) };
+        let again = v5::Filter {
+            retain_forward_rule: rule,
+            ..filter("a/#", QoS::AtMostOnce)
+        };
         rig.subscribe(reader, &[again]);
         assert_eq!(rig.messages(reader).len(), count);
     }
-    let new = v5::Filter { retain_forward_rule: RetainForwardRule::OnNewSubscribe, ..filter("b", QoS::AtMostOnce) };
+    let new = v5::Filter {
+        retain_forward_rule: RetainForwardRule::OnNewSubscribe,
+        ..filter("b", QoS::AtMostOnce)
+    };
     rig.subscribe(reader, &[new]);
     assert_eq!(rig.payloads(reader), ["b"]);
     rig.publish(writer, retained("a/1", ""));
-    assert_eq!(rig.payloads(reader), [""], "that it is cleared is delivered");
+    assert_eq!(
+        rig.payloads(reader),
+        [""],
+        "that it is cleared is delivered"
+    );
     let (old, _) = rig.connect_v4("old", true);
     rig.say_v4(
         old,
-        &v4::Packet::Subscribe(v4::Subscribe { pkid: 1, ..v4::Subscribe::new("#", rumqttc::QoS::AtMostOnce) }),
+        &v4::Packet::Subscribe(v4::Subscribe {
+            pkid: 1,
+            ..v4::Subscribe::new("#", rumqttc::QoS::AtMostOnce)
+        }),
     );
     let got = rig.take_v4(old);
-    assert!(matches!(&got[..], [v4::Packet::SubAck(_), v4::Packet::Publish(_), v4::Packet::Publish(it)] if it.retain));
+    assert!(
+        matches!(&got[..], [v4::Packet::SubAck(_), v4::Packet::Publish(_), v4::Packet::Publish(it)] if it.retain)
+    );
 }
 
 #[test]
@@ -192,8 +283,14 @@ fn all_that_is_retained_comes_however_much_it_is() {
 fn the_options_of_mqtt_5_are_kept() {
     let mut rig = Rig::new();
     let reader = rig.connect("reader");
-    let own = v5::Filter { nolocal: true, ..filter("own", QoS::AtMostOnce) };
-    let plain = v5::Filter { preserve_retain: true, ..filter("kept", QoS::AtMostOnce) };
+    let own = v5::Filter {
+        nolocal: true,
+        ..filter("own", QoS::AtMostOnce)
+    };
+    let plain = v5::Filter {
+        preserve_retain: true,
+        ..filter("kept", QoS::AtMostOnce)
+    };
     rig.subscribe(reader, &[own, plain, filter("other", QoS::AtMostOnce)]);
     rig.publish(reader, message("own", "x", QoS::AtMostOnce));
     assert_eq!(rig.payloads(reader), [""; 0]);
@@ -230,7 +327,10 @@ fn properties_are_passed_on_and_expiry_counts_down() {
         ..Default::default()
     };
     let with = |expiry| v5::Publish {
-        properties: Some(v5::PublishProperties { message_expiry_interval: Some(expiry), ..properties.clone() }),
+        properties: Some(v5::PublishProperties {
+            message_expiry_interval: Some(expiry),
+            ..properties.clone()
+        }),
         retain: true,
         ..message("a", "x", QoS::AtLeastOnce)
     };
@@ -241,10 +341,20 @@ fn properties_are_passed_on_and_expiry_counts_down() {
     rig.publish(writer, with(3));
     rig.pass(Duration::from_secs(4));
     let reader = rig.open();
-    rig.say(reader, &v5::Packet::Connect(lasting("reader", 600), None, None));
-    let left: Vec<_> =
-        rig.messages(reader).iter().map(|it| it.properties.clone().unwrap().message_expiry_interval).collect();
-    assert_eq!(left, [Some(6), Some(6)], "one that was in flight, one that waited; the third is over");
+    rig.say(
+        reader,
+        &v5::Packet::Connect(lasting("reader", 600), None, None),
+    );
+    let left: Vec<_> = rig
+        .messages(reader)
+        .iter()
+        .map(|it| it.properties.clone().unwrap().message_expiry_interval)
+        .collect();
+    assert_eq!(
+        left,
+        [Some(6), Some(6)],
+        "one that was in flight, one that waited; the third is over"
+    );
     rig.publish(writer, with(2));
     rig.pass(Duration::from_secs(2));
     let late = rig.connect("late");
@@ -253,7 +363,10 @@ fn properties_are_passed_on_and_expiry_counts_down() {
     let (old, _) = rig.connect_v4("old", true);
     rig.say_v4(
         old,
-        &v4::Packet::Subscribe(v4::Subscribe { pkid: 1, ..v4::Subscribe::new("a", rumqttc::QoS::AtMostOnce) }),
+        &v4::Packet::Subscribe(v4::Subscribe {
+            pkid: 1,
+            ..v4::Subscribe::new("a", rumqttc::QoS::AtMostOnce)
+        }),
     );
     rig.publish(writer, with(10));
     assert!(matches!(&rig.take_v4(old)[..], [_, v4::Packet::Publish(it)] if it.payload == "x"));
@@ -262,8 +375,17 @@ fn properties_are_passed_on_and_expiry_counts_down() {
 #[test]
 fn a_packet_that_is_too_large_for_a_client_is_not_sent() {
     let mut rig = Rig::new();
-    let properties = v5::ConnectProperties { max_packet_size: Some(40), ..Default::default() };
-    let (reader, _) = rig.connect_with(v5::Connect { properties: Some(properties), ..connect("reader") }, None);
+    let properties = v5::ConnectProperties {
+        max_packet_size: Some(40),
+        ..Default::default()
+    };
+    let (reader, _) = rig.connect_with(
+        v5::Connect {
+            properties: Some(properties),
+            ..connect("reader")
+        },
+        None,
+    );
     rig.subscribe(reader, &[filter("a", QoS::AtLeastOnce)]);
     let writer = rig.connect("writer");
     rig.publish(writer, message("a", &"x".repeat(40), QoS::AtLeastOnce));
@@ -276,7 +398,9 @@ fn a_shared_subscription_gives_each_message_to_one_of_its_members() {
     let mut rig = Rig::new();
     let writer = rig.connect("writer");
     rig.publish(writer, retained("a", "kept"));
-    let readers: Vec<Id> = (0..3).map(|number| rig.connect_with(lasting(&number.to_string(), 60), None).0).collect();
+    let readers: Vec<Id> = (0..3)
+        .map(|number| rig.connect_with(lasting(&number.to_string(), 60), None).0)
+        .collect();
     for id in &readers {
         rig.subscribe(*id, &filters(&["$share/g/a"], QoS::AtLeastOnce));
         assert_eq!(rig.payloads(*id), [""; 0], "no retained message");
@@ -284,13 +408,22 @@ fn a_shared_subscription_gives_each_message_to_one_of_its_members() {
     for number in 0..30 {
         rig.publish(writer, message("a", &number.to_string(), QoS::AtLeastOnce));
     }
-    assert_eq!(readers.iter().map(|id| rig.payloads(*id).len()).collect::<Vec<_>>(), [10, 10, 10]);
+    assert_eq!(
+        readers
+            .iter()
+            .map(|id| rig.payloads(*id).len())
+            .collect::<Vec<_>>(),
+        [10, 10, 10]
+    );
     rig.machine.closed(readers[0], rig.now);
     for number in 0..30 {
         rig.publish(writer, message("a", &number.to_string(), QoS::AtLeastOnce));
     }
     assert_eq!(
-        readers[1..].iter().map(|id| rig.payloads(*id).len()).collect::<Vec<_>>(),
+        readers[1..]
+            .iter()
+            .map(|id| rig.payloads(*id).len())
+            .collect::<Vec<_>>(),
         [15, 15],
         "those that are here"
     );
@@ -300,20 +433,57 @@ fn a_shared_subscription_gives_each_message_to_one_of_its_members() {
 fn subscriptions_end_and_wrong_ones_are_refused_one_by_one() {
     let mut rig = Rig::new();
     let reader = rig.connect("reader");
-    let codes = rig.subscribe(reader, &filters(&["a", "a/#/b", "$share/g"], QoS::ExactlyOnce));
+    let codes = rig.subscribe(
+        reader,
+        &filters(&["a", "a/#/b", "$share/g"], QoS::ExactlyOnce),
+    );
     let invalid = v5::SubscribeReasonCode::TopicFilterInvalid;
-    assert_eq!(codes, [v5::SubscribeReasonCode::Success(QoS::ExactlyOnce), invalid, invalid]);
-    let unsubscribe = v5::Unsubscribe { pkid: 3, filters: vec!["a".to_owned(), "b".to_owned()], properties: None };
+    assert_eq!(
+        codes,
+        [
+            v5::SubscribeReasonCode::Success(QoS::ExactlyOnce),
+            invalid,
+            invalid
+        ]
+    );
+    let unsubscribe = v5::Unsubscribe {
+        pkid: 3,
+        filters: vec!["a".to_owned(), "b".to_owned()],
+        properties: None,
+    };
     rig.say(reader, &v5::Packet::Unsubscribe(unsubscribe));
-    let Some(v5::Packet::UnsubAck(ack)) = rig.take(reader).pop() else { panic!("no UNSUBACK") };
-    assert_eq!(ack.reasons, [v5::UnsubAckReason::Success, v5::UnsubAckReason::NoSubscriptionExisted]);
+    let Some(v5::Packet::UnsubAck(ack)) = rig.take(reader).pop() else {
+        panic!("no UNSUBACK")
+    };
+    assert_eq!(
+        ack.reasons,
+        [
+            v5::UnsubAckReason::Success,
+            v5::UnsubAckReason::NoSubscriptionExisted
+        ]
+    );
     rig.publish(reader, message("a", "x", QoS::AtLeastOnce));
-    let [v5::Packet::PubAck(ack)] = &rig.take(reader)[..] else { panic!("it is still subscribed") };
+    let [v5::Packet::PubAck(ack)] = &rig.take(reader)[..] else {
+        panic!("it is still subscribed")
+    };
     assert_eq!(ack.reason, PubAckReason::Success);
     let (old, _) = rig.connect_v4("old", true);
-    let wanted = ["a", "a#"].map(|path| v4::SubscribeFilter::new(path.to_owned(), rumqttc::QoS::AtLeastOnce));
-    rig.say_v4(old, &v4::Packet::Subscribe(v4::Subscribe { pkid: 1, ..v4::Subscribe::new_many(wanted) }));
+    let wanted = ["a", "a#"]
+        .map(|path| v4::SubscribeFilter::new(path.to_owned(), rumqttc::QoS::AtLeastOnce));
+    rig.say_v4(
+        old,
+        &v4::Packet::Subscribe(v4::Subscribe {
+            pkid: 1,
+            ..v4::Subscribe::new_many(wanted)
+        }),
+    );
     assert_eq!(&*rig.sent(old), [0x90, 4, 0, 1, 1, 0x80]);
-    rig.say_v4(old, &v4::Packet::Unsubscribe(v4::Unsubscribe { pkid: 2, topics: vec!["a".to_owned()] }));
+    rig.say_v4(
+        old,
+        &v4::Packet::Unsubscribe(v4::Unsubscribe {
+            pkid: 2,
+            topics: vec!["a".to_owned()],
+        }),
+    );
     assert_eq!(&*rig.sent(old), [0xB0, 2, 0, 2]);
 }

@@ -27,7 +27,10 @@ type Id = ConnectionId;
 
 impl Rig {
     fn new() -> Self {
-        Self { machine: Machine::new(1, MonoTime::ZERO), now: MonoTime::ZERO }
+        Self {
+            machine: Machine::new(1, MonoTime::ZERO),
+            now: MonoTime::ZERO,
+        }
     }
 
     fn open(&mut self) -> Id {
@@ -41,7 +44,10 @@ impl Rig {
             match frame(bytes, PACKET_MAX as usize) {
                 Ok(None) => return is_right && bytes.is_empty(),
                 Ok(Some(it)) => {
-                    is_right &= self.machine.received(id, it.first, &bytes[it.body..it.end], self.now).is_ok();
+                    is_right &= self
+                        .machine
+                        .received(id, it.first, &bytes[it.body..it.end], self.now)
+                        .is_ok();
                     bytes = &bytes[it.end..];
                 }
                 Err(fault) => {
@@ -98,12 +104,21 @@ impl Rig {
 
     /// The messages for a connection.
     fn messages(&mut self, id: Id) -> Vec<v5::Publish> {
-        let message = |packet| if let v5::Packet::Publish(publish) = packet { Some(publish) } else { None };
+        let message = |packet| {
+            if let v5::Packet::Publish(publish) = packet {
+                Some(publish)
+            } else {
+                None
+            }
+        };
         self.take(id).into_iter().filter_map(message).collect()
     }
 
     fn payloads(&mut self, id: Id) -> Vec<String> {
-        self.messages(id).iter().map(|it| String::from_utf8(it.payload.to_vec()).unwrap()).collect()
+        self.messages(id)
+            .iter()
+            .map(|it| String::from_utf8(it.payload.to_vec()).unwrap())
+            .collect()
     }
 
     /// Connects with MQTT 5.
@@ -111,21 +126,32 @@ impl Rig {
         self.connect_with(connect(client), None).0
     }
 
-    fn connect_with(&mut self, connect: v5::Connect, will: Option<v5::LastWill>) -> (Id, v5::ConnAck) {
+    fn connect_with(
+        &mut self,
+        connect: v5::Connect,
+        will: Option<v5::LastWill>,
+    ) -> (Id, v5::ConnAck) {
         let id = self.open();
         assert!(self.say(id, &v5::Packet::Connect(connect, will, None)));
         let packets = self.take(id);
-        let Some(v5::Packet::ConnAck(ack)) = packets.first() else { panic!("{packets:?}") };
+        let Some(v5::Packet::ConnAck(ack)) = packets.first() else {
+            panic!("{packets:?}")
+        };
         let ack = ack.clone();
         (id, ack)
     }
 
     fn connect_v4(&mut self, client: &str, clean_session: bool) -> (Id, v4::ConnAck) {
         let id = self.open();
-        let connect = v4::Connect { clean_session, ..v4::Connect::new(client) };
+        let connect = v4::Connect {
+            clean_session,
+            ..v4::Connect::new(client)
+        };
         assert!(self.say_v4(id, &v4::Packet::Connect(connect)));
         let packets = self.take_v4(id);
-        let Some(v4::Packet::ConnAck(ack)) = packets.first() else { panic!("{packets:?}") };
+        let Some(v4::Packet::ConnAck(ack)) = packets.first() else {
+            panic!("{packets:?}")
+        };
         (id, ack.clone())
     }
 
@@ -139,8 +165,14 @@ impl Rig {
     }
 
     fn ask(&mut self, id: Id, filters: &[v5::Filter], identifier: Option<usize>) {
-        let properties = identifier.map(|it| v5::SubscribeProperties { id: Some(it), user_properties: Vec::new() });
-        let subscribe = v5::Subscribe { pkid: 7, ..v5::Subscribe::new_many(filters.to_vec(), properties) };
+        let properties = identifier.map(|it| v5::SubscribeProperties {
+            id: Some(it),
+            user_properties: Vec::new(),
+        });
+        let subscribe = v5::Subscribe {
+            pkid: 7,
+            ..v5::Subscribe::new_many(filters.to_vec(), properties)
+        };
         assert!(self.say(id, &v5::Packet::Subscribe(subscribe)));
     }
 
@@ -166,13 +198,25 @@ impl Rig {
 }
 
 fn connect(client: &str) -> v5::Connect {
-    v5::Connect { keep_alive: 0, client_id: client.to_owned(), clean_start: true, properties: None }
+    v5::Connect {
+        keep_alive: 0,
+        client_id: client.to_owned(),
+        clean_start: true,
+        properties: None,
+    }
 }
 
 /// A CONNECT whose session lasts for `seconds` without a connection.
 fn lasting(client: &str, seconds: u32) -> v5::Connect {
-    let properties = v5::ConnectProperties { session_expiry_interval: Some(seconds), ..Default::default() };
-    v5::Connect { clean_start: false, properties: Some(properties), ..connect(client) }
+    let properties = v5::ConnectProperties {
+        session_expiry_interval: Some(seconds),
+        ..Default::default()
+    };
+    v5::Connect {
+        clean_start: false,
+        properties: Some(properties),
+        ..connect(client)
+    }
 }
 
 fn filter(path: &str, qos: QoS) -> v5::Filter {
@@ -182,11 +226,17 @@ fn filter(path: &str, qos: QoS) -> v5::Filter {
 /// A message with MQTT 5; above quality of service 0 its identifier is 9.
 fn message(topic: &str, payload: &str, qos: QoS) -> v5::Publish {
     let pkid = if qos == QoS::AtMostOnce { 0 } else { 9 };
-    v5::Publish { pkid, ..v5::Publish::new(topic, qos, payload.to_owned(), None) }
+    v5::Publish {
+        pkid,
+        ..v5::Publish::new(topic, qos, payload.to_owned(), None)
+    }
 }
 
 fn retained(topic: &str, payload: &str) -> v5::Publish {
-    v5::Publish { retain: true, ..message(topic, payload, QoS::AtLeastOnce) }
+    v5::Publish {
+        retain: true,
+        ..message(topic, payload, QoS::AtLeastOnce)
+    }
 }
 
 #[tokio::test]
@@ -199,7 +249,14 @@ async fn it_stays_on_this_machine() {
 async fn a_taken_port_is_named() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap();
-    let Err(refused) = listen(address).await else { panic!("it listens on a taken port") };
-    assert!(refused.to_string().contains(&address.to_string()), "{refused}");
-    assert!(matches!(refused, BrokerError::Listen { error, .. } if error.kind() == io::ErrorKind::AddrInUse));
+    let Err(refused) = listen(address).await else {
+        panic!("it listens on a taken port")
+    };
+    assert!(
+        refused.to_string().contains(&address.to_string()),
+        "{refused}"
+    );
+    assert!(
+        matches!(refused, BrokerError::Listen { error, .. } if error.kind() == io::ErrorKind::AddrInUse)
+    );
 }
