@@ -23,6 +23,8 @@
 //! Everything up to `sim` is synchronous and pure: it is given events and the time and says what should
 //! be done. A build without default features proves it.
 
+#![cfg_attr(test, allow(clippy::too_many_lines, reason = "a test is one story"))]
+
 pub mod config;
 pub mod domain;
 pub mod drive;

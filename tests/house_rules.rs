@@ -45,7 +45,7 @@ const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
 /// The one file with `unsafe`.
 const UNSAFE_FILE: &str = "src/daemon/host/sys.rs";
 /// A file that grows beyond this has two things in it.
-const MAX_LINES: usize = 400;
+const MAX_LINES: usize = 600;
 const VENDOR_NAMES: [&str; 8] = [
     "hyundai", "n700", "n100", "toshiba", "teco", "frecon", "e510", "fr500",
 ];
@@ -405,10 +405,10 @@ fn no_file_is_long() {
     let lines = |count: usize| "let x = 1;\n".repeat(count);
     let tests = format!(
         "{}#[cfg(test)]\nmod tests {{\n{}}}\n",
-        lines(400),
-        lines(400)
+        lines(MAX_LINES),
+        lines(MAX_LINES)
     );
-    assert_bites(rule, "src/line/timing.rs", &lines(401), 1, &tests);
+    assert_bites(rule, "src/line/timing.rs", &lines(MAX_LINES + 1), 1, &tests);
     assert_holds(rule);
 }
 

@@ -84,8 +84,9 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
+    clippy::too_many_lines,
     clippy::disallowed_methods,
-    reason = "a test fails by panicking, its helpers too; and time here is the real one"
+    reason = "a test fails by panicking, its helpers too, and is one story; and time here is the real one"
 )]
 
 #[path = "process/adding.rs"]

@@ -22,8 +22,9 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
+    clippy::too_many_lines,
     missing_docs,
-    reason = "a measurement may end by panicking"
+    reason = "a measurement may end by panicking, and is one story"
 )]
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
