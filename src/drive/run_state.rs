@@ -20,12 +20,16 @@ use std::time::Duration;
 
 /// Number of consecutive zero readings that count as standstill.
 pub const ZEROS_FOR_STANDSTILL: u8 = 2;
+/// A motor that turned, and reads as 0 for so long, stands. Registers that read as 0 for a second or two were seen in the field.
+const STANDSTILL_HOLDS: Duration = Duration::from_secs(3);
 
 /// The last readings of the output frequency.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OutputWatch {
     last: Option<(u16, MonoTime)>,
     zeros: u8,
+    /// When the first of them was taken.
+    zero_since: Option<MonoTime>,
     /// The readings since a stop took effect.
     ramp: Option<Ramp>,
 }
@@ -43,11 +47,12 @@ impl OutputWatch {
     /// Takes a raw reading of the output frequency.
     pub fn take(&mut self, raw: u16, at: MonoTime) {
         self.last = Some((raw, at));
-        self.zeros = if raw == 0 {
-            self.zeros.saturating_add(1)
+        if raw == 0 {
+            self.zeros = self.zeros.saturating_add(1);
+            self.zero_since.get_or_insert(at);
         } else {
-            0
-        };
+            (self.zeros, self.zero_since) = (0, None);
+        }
         let Some(ramp) = &mut self.ramp else { return };
         if raw < ramp.lowest {
             ramp.lowest = raw;
@@ -113,6 +118,15 @@ impl OutputWatch {
     #[must_use]
     pub const fn is_at_standstill(&self) -> bool {
         self.zeros >= ZEROS_FOR_STANDSTILL
+    }
+
+    /// Whether every reading of the last `STANDSTILL_HOLDS` or more was 0. A motor that turned may read as 0 for a moment.
+    #[must_use]
+    pub fn has_stood(&self) -> bool {
+        let (Some(since), Some((_, at))) = (self.zero_since, self.last) else {
+            return false;
+        };
+        at.since(since) >= STANDSTILL_HOLDS
     }
 
     /// Whether the output is known to be active.
@@ -214,6 +228,23 @@ mod tests {
                 state,
                 "{readings:?} {intent:?} {stopping}"
             );
+        }
+    }
+
+    #[test]
+    fn an_output_that_stays_at_zero_for_long_has_stood() {
+        for (readings, has_stood) in [
+            (&[(0, 3000), (1, 0), (3, 0)][..], false),
+            (&[(0, 3000), (1, 0), (4, 0)], true),
+            (&[(0, 0), (3, 1), (4, 0), (6, 0)], false),
+            (&[(0, 0), (3, 1)], false),
+            (&[], false),
+        ] {
+            let mut watch = OutputWatch::default();
+            for (second, raw) in readings {
+                watch.take(*raw, MonoTime::from_millis(second * 1000));
+            }
+            assert_eq!(watch.has_stood(), has_stood, "{readings:?}");
         }
     }
 

@@ -407,7 +407,20 @@ impl LineCore {
         }
         self.end_overdue_for_a_stop(now);
         self.pass_share(now);
+        self.forget_old(now);
         self.decide(now);
+    }
+
+    /// While this gateway asks the drives, what it has not read for long shows nothing any more.
+    fn forget_old(&mut self, now: MonoTime) {
+        if self.listens() {
+            return;
+        }
+        for drive in self.drives.indices() {
+            if !self.is_offline(drive) {
+                self.drives[drive].work.forget_old(now, &mut self.effects);
+            }
+        }
     }
 
     fn on_bytes(&mut self, now: MonoTime, bytes: &[u8]) {

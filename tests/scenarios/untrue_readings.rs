@@ -5,8 +5,9 @@ use crate::support::{MQTT, Rig, model, run};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, RunIntent};
 use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::drive::view::{RunState, TripEventKind};
-use vfd_gateway::profile::model::{PollClass, Role};
+use vfd_gateway::profile::model::{Flag, PollClass, Role};
 use vfd_gateway::sim::SimDrive;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -219,4 +220,99 @@ fn an_output_beyond_twice_the_range_is_no_reading() {
     rig.live(SECOND * 5);
     assert!(shown(&rig).is_some());
     assert_eq!(told, (None, RunState::Forward));
+}
+
+/// It runs, and its order has ended with an outage of the line; the lease is still held.
+fn running_without_an_order() -> Rig {
+    let mut rig = running("hyundai-n700");
+    rig.close(LineFault::Gone);
+    rig.open();
+    rig.live(SECOND * 2);
+    let control = rig.view(0).control.unwrap();
+    assert_eq!(
+        (control.intent, rig.view(0).run_state),
+        (RunIntent::Stop, RunState::Running)
+    );
+    assert!(control.lease.is_some());
+    rig
+}
+
+fn shows_standstill_for(rig: &mut Rig, time: Duration) {
+    let output = model("hyundai-n700")
+        .register_for(Role::OutputFrequency)
+        .unwrap()
+        .address;
+    drive(rig).shows_at(output, 0);
+    rig.pass(time);
+}
+
+#[test]
+fn a_motor_that_reads_as_standing_for_two_seconds_may_still_run() {
+    let mut rig = running_without_an_order();
+    shows_standstill_for(&mut rig, SECOND * 2);
+    rig.close(LineFault::Gone);
+    assert!(rig.view(0).sight.may_still_run);
+    let mut rig = running_without_an_order();
+    shows_standstill_for(&mut rig, SECOND * 8);
+    rig.close(LineFault::Gone);
+    assert!(
+        !rig.view(0).sight.may_still_run,
+        "it was stopped from elsewhere"
+    );
+}
+
+#[test]
+fn a_lease_that_ends_in_such_a_moment_is_followed_by_the_declared_stop() {
+    let lost_after = accepting().lost_after;
+    for seconds in 0..=u32::try_from(lost_after.as_secs()).unwrap() {
+        let mut rig = running_without_an_order();
+        rig.pass(SECOND * seconds);
+        shows_standstill_for(&mut rig, SECOND * 2);
+        drive(&mut rig).shows_the_truth();
+        rig.pass(lost_after + SECOND * 30);
+        assert_eq!(rig.output(1), 0, "zeros from second {seconds} on");
+    }
+}
+
+#[test]
+fn a_drive_that_no_longer_shows_what_its_motor_does_may_run() {
+    let model = model("frecon-fr500a");
+    let places = [
+        model.status_flag(Flag::Running).unwrap().address,
+        model.register_for(Role::OutputFrequency).unwrap().address,
+    ];
+    let mut rig = rig_of(&model, accepting());
+    rig.live(SECOND * 5);
+    assert_eq!(rig.view(0).run_state, RunState::Stopped);
+    for place in places {
+        drive(&mut rig).refuses_at(place);
+    }
+    rig.live(SECOND * 12);
+    assert_eq!(
+        (rig.view(0).run_state, rig.view(0).sight.may_still_run),
+        (RunState::Unknown, false)
+    );
+    drive(&mut rig).shows_the_truth();
+    rig.live(SECOND * 15);
+    rig.commanded(MQTT, run(Direction::Forward, Some(3000)));
+    rig.live(SECOND * 12);
+    for place in places {
+        drive(&mut rig).refuses_at(place);
+    }
+    rig.live(SECOND * 12);
+    assert_eq!(
+        (rig.view(0).run_state, rig.view(0).sight.may_still_run),
+        (RunState::Unknown, true)
+    );
+    assert_eq!(
+        rig.view(0).control.unwrap().intent,
+        RunIntent::Run(Direction::Forward),
+        "its order holds"
+    );
+    drive(&mut rig).shows_the_truth();
+    rig.live(SECOND * 15);
+    assert_eq!(
+        (rig.view(0).run_state, rig.view(0).sight.may_still_run),
+        (RunState::Forward, false)
+    );
 }

@@ -71,12 +71,7 @@ impl DriveWork {
     /// Whether the readings of the motor are fresh.
     pub(super) fn is_fresh(&self, now: MonoTime) -> bool {
         let is_fresh = |address: Address, at: Option<MonoTime>| {
-            let class = self
-                .model
-                .register_at(address)
-                .and_then(|register| register.poll);
-            let limit = self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS;
-            at.is_some_and(|at| now.since(at) < limit)
+            at.is_some_and(|at| now.since(at) < self.stale_after(address))
         };
         let output = self
             .output_register
@@ -84,6 +79,15 @@ impl DriveWork {
             .is_none_or(|it| is_fresh(it.address(), self.output.at()));
         let status = self.model.status_flag(Flag::Running);
         output && status.is_none_or(|flag| is_fresh(flag.address, self.status_at))
+    }
+
+    /// A reading of the register at `address` is stale after this time.
+    pub(super) fn stale_after(&self, address: Address) -> Duration {
+        let class = self
+            .model
+            .register_at(address)
+            .and_then(|register| register.poll);
+        self.pace.period(class.unwrap_or(PollClass::Fast)) * STALE_PERIODS
     }
 
     /// Whether the motor runs without an order from this gateway.

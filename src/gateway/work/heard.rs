@@ -93,7 +93,7 @@ impl DriveWork {
         }
         self.has_changed = true;
         match heard {
-            HeardOrder::Stop { coast } if !self.is_at_standstill() => {
+            HeardOrder::Stop { coast } if !self.stands() => {
                 let lost = self.guard.repeat_stop(coast, now);
                 self.gateway_lost(lost, now, out);
             }
@@ -121,7 +121,7 @@ impl DriveWork {
         };
         let is_ordered_here =
             self.latch.is_some() || matches!(self.guard.intent(), RunIntent::Run(_));
-        if is_ordered_here || self.is_at_standstill() {
+        if is_ordered_here || self.stands() {
             self.unsettled = None;
             return;
         }

@@ -128,6 +128,8 @@ pub struct DriveWork {
     /// The last order given here was a stop, and since then the motor has neither been seen at standstill nor turning in
     /// a way that the ramp of that stop does not explain.
     is_stopping: bool,
+    /// The motor turned, and has not stood for certain since.
+    has_turned: bool,
     /// The reset word.
     reset: Standing,
     /// The last recorded state of that.
@@ -205,6 +207,7 @@ impl DriveWork {
             rest_until: None,
             deaf_until: MonoTime::ZERO,
             is_stopping: false,
+            has_turned: false,
             reset: Standing::NONE,
             said_reset: false,
             start: Standing::NONE,
@@ -260,6 +263,11 @@ impl DriveWork {
     #[must_use]
     pub fn is_at_standstill(&self) -> bool {
         self.output.is_at_standstill() && self.status.is_running() != Some(true)
+    }
+
+    /// Whether the motor is at standstill for certain: one that turned, and was not stopped from here, has been so for long.
+    pub(super) fn stands(&self) -> bool {
+        self.is_at_standstill() && (!self.has_turned || self.is_stopping || self.output.has_stood())
     }
 
     /// The direction in which the motor turns, if the drive shows it.

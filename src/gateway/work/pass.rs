@@ -15,7 +15,7 @@ impl DriveWork {
     pub fn pass(&mut self, now: MonoTime, is_offline: bool, out: Out<'_>) {
         self.settle(now, out);
         // A stop that has taken effect is all that can be done, even while the ramp lasts.
-        let is_stopped = self.is_at_standstill() || self.is_stopping || self.sight.stood_last();
+        let is_stopped = self.stands() || self.is_stopping || self.sight.stood_last();
         let at_rest = self.latch.is_none() && is_stopped;
         let had_lease = self.guard.lease().is_some();
         if let Some(lost) = self.guard.expire(now, at_rest) {

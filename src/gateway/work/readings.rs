@@ -83,9 +83,11 @@ impl DriveWork {
             self.is_seen(out);
         }
         if self.is_moving() {
+            self.has_turned = true;
             self.guard.found_running(self.turns(), now);
         }
-        if self.is_at_standstill() && self.latch.is_none() {
+        if self.latch.is_none() && self.stands() {
+            self.has_turned = false;
             self.heard_stop_is_over();
             self.may_run_on &= matches!(self.guard.intent(), RunIntent::Run(_));
             self.is_stopping = false;

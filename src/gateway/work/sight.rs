@@ -2,12 +2,27 @@
 
 use super::heard_order::HeardOrder;
 use super::{DriveWork, Out};
+use crate::domain::address::Address;
 use crate::domain::command::{Owner, Reason};
+use crate::domain::time::MonoTime;
 use crate::drive::sight::{LastSeen, SeenAt, SightView};
 use crate::gateway::event::Effect;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::journal::{Entry, Remembered};
+use crate::profile::model::Flag;
+use std::time::Duration;
+
+/// What was read of the motor is shown for this time at least.
+const READINGS_LAST: Duration = Duration::from_secs(10);
+
+/// The age of a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Age {
+    Fresh,
+    Stale,
+    Old,
+}
 
 impl DriveWork {
     /// What was last seen of it, until it is seen again.
@@ -47,6 +62,7 @@ impl DriveWork {
         self.status.forget();
         self.output_out_of_sight();
         self.status_at = None;
+        self.has_turned = false;
         self.guard.forget_bases();
         self.answered
             .iter_mut()
@@ -73,12 +89,56 @@ impl DriveWork {
         let is_heard = matches!(self.heard, HeardOrder::Run(..));
         // What was read before an order says nothing of what it does.
         let is_ordered = self.guard.may_be_obeyed() || is_heard || self.latch.is_some();
-        let may_run = is_ordered || (last_seen.is_some() && !self.is_at_standstill());
+        let may_run = is_ordered || (last_seen.is_some() && !self.stands());
         if self.sight.lost(last_seen, may_run) {
             let last_seen = self.sight.last_seen();
             out.push_back(Effect::Note(self.drive, Note::MayStillRun(last_seen)));
             out.keep(self.drive, Entry::OutOfSight { last_seen });
         }
+    }
+
+    /// What was read of the motor too long ago shows nothing any more: the drive answers, but not what it is asked.
+    pub fn forget_old(&mut self, now: MonoTime, out: Out<'_>) {
+        let output = self
+            .output_register
+            .as_ref()
+            .and_then(|it| self.age(it.address(), self.output.at(), now));
+        let status = self
+            .model
+            .status_flag(Flag::Running)
+            .and_then(|it| self.age(it.address, self.status_at, now));
+        let is_seen = [output, status].contains(&Some(Age::Fresh));
+        // What is not fresh may become old in a moment: nothing is told of one part before the other is known.
+        if !is_seen && (output == Some(Age::Stale) || status == Some(Age::Stale)) {
+            return;
+        }
+        let (is_output_old, is_status_old) = (output == Some(Age::Old), status == Some(Age::Old));
+        if !is_output_old && !is_status_old {
+            return;
+        }
+        self.has_changed = true;
+        if !is_seen {
+            self.lose_sight(out);
+            self.usage_out_of_sight(out);
+        }
+        if is_output_old {
+            self.output.forget();
+            self.output_out_of_sight();
+        }
+        if is_status_old {
+            self.status.forget();
+            self.status_at = None;
+        }
+    }
+
+    /// The age at `now` of what was read of the register at `address` at a moment, if it was.
+    fn age(&self, address: Address, at: Option<MonoTime>, now: MonoTime) -> Option<Age> {
+        let stale_after = self.stale_after(address);
+        Some(match now.since(at?) {
+            age if age < stale_after => Age::Fresh,
+            age if age < READINGS_LAST => Age::Stale,
+            _ => Age::Old,
+        })
     }
 
     /// A reading shows what the drive does.
