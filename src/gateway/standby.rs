@@ -470,7 +470,7 @@ impl LineCore {
         (share.yields_until, share.signal, share.differs) = (None, None, None);
         share.listener.clear();
         let heard_at = share.rule.heard_at();
-        let is_first = !share.has_heard_other;
+        let is_first = !share.may_have_had_another(now);
         self.effects.push_back(Effect::LineNote(if was_handed_over {
             LineNote::HandedOver
         } else {
@@ -491,7 +491,7 @@ impl LineCore {
             }
         }
         if let Some(share) = &mut self.share {
-            share.has_heard_other = true;
+            (share.has_heard_other, share.has_heard_leader) = (true, true);
         }
     }
 }
