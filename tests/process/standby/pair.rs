@@ -49,6 +49,8 @@ pub struct Wish<'a> {
     pub drives_are_off: bool,
     /// The first half is a gateway on a line of its own, which knows of no other one.
     pub alone: bool,
+    /// The lease of a commander.
+    pub lost_after: Duration,
 }
 
 impl Wish<'_> {
@@ -63,6 +65,7 @@ impl Wish<'_> {
             hold_back: Duration::ZERO,
             drives_are_off: false,
             alone: false,
+            lost_after: Duration::from_secs(600),
         }
     }
 }
@@ -136,7 +139,7 @@ impl Pair {
                 data.display(),
                 line.display()
             );
-            let drives = [(1, "stop"), (2, "hold")].map(|(station, lost)| drive(station, (!alone).then_some(lost)));
+            let drives = [(1, "stop"), (2, "hold")].map(|(station, lost)| drive(station, (!alone).then_some(lost), wish.lost_after));
             let text = head + &drives.concat();
             let file = place.write(&format!("{name}.toml"), &text);
             Half { end, file, modbus: ([127, 0, 0, 1], 0).into(), inside: Vec::new(), program: None }
@@ -447,13 +450,14 @@ pub fn requests(frames: Vec<Frame>) -> Vec<Frame> {
         .collect()
 }
 
-fn drive(station: u8, on_gateway_lost: Option<&str>) -> String {
+fn drive(station: u8, on_gateway_lost: Option<&str>, lost_after: Duration) -> String {
+    let seconds = lost_after.as_secs();
     let lost = on_gateway_lost
         .map(|action| format!("on_gateway_lost = \"{action}\"\n"))
         .unwrap_or_default();
     format!(
         "\n[[line.drive]]\nname = \"pump-{station}\"\nmodel = \"hyundai-n700\"\nstation = {station}\npoll = \"250ms\"\n\n\
          [line.drive.control]\nfrom = [\"modbus-tcp\"]\nfrequency_hz = {{ min = 5.0, max = 50.0 }}\n\
-         on_commander_lost = \"stop\"\nlost_after = \"10min\"\non_shutdown = \"stop\"\n{lost}"
+         on_commander_lost = \"stop\"\nlost_after = \"{seconds}s\"\non_shutdown = \"stop\"\n{lost}"
     )
 }

@@ -3,7 +3,7 @@
 //! `ROUNDS=100 BUSES=6 cargo test --locked --test process how_long_a_drive_runs_on -- --ignored --nocapture`
 
 use super::measure;
-use super::pair::{A, B, BABBLER, Pair, RUN_COMMAND, STOP, other};
+use super::pair::{A, B, BABBLER, Pair, RUN_COMMAND, STOP, Wish, other};
 use super::watching::Bounds;
 use std::fmt::{self, Display};
 use std::time::Duration;
@@ -16,6 +16,8 @@ const JAM_MS: u64 = 8_000;
 const DEAF_FOR: Duration = Duration::from_secs(3);
 /// Time for a program to start and to open its port.
 const STARTS: Duration = Duration::from_secs(2);
+/// A gateway that had commanded the drive before it restarts waits for its commander first.
+const LOST_AFTER: Duration = Duration::from_secs(8);
 /// The supply of the second half comes back so much later.
 const LATER_MS: u64 = 2_000;
 
@@ -51,12 +53,17 @@ impl Display for Trouble {
 }
 
 impl Trouble {
+    const fn restarts_both(self) -> bool {
+        matches!(self, Self::BothActiveFirst | Self::BothOtherFirst)
+    }
+
     /// How much longer than a take-over it may last.
-    const fn more(self) -> Duration {
+    fn more(self) -> Duration {
         match self {
             Self::Jam => Duration::ZERO,
             Self::Deaf => DEAF_FOR,
-            Self::BothActiveFirst | Self::BothOtherFirst => STARTS,
+            // The half that had commanded the drive may take the line in either order.
+            Self::BothActiveFirst | Self::BothOtherFirst => STARTS + LOST_AFTER,
         }
     }
 }
@@ -135,7 +142,17 @@ fn how_long_a_drive_runs_on_in_trouble() {
 }
 
 fn measured(baud: u32, trouble: Trouble, rounds: usize) -> Found {
-    let mut pair = Pair::new(baud);
+    let usual = Wish::at(baud);
+    // In the other kinds no lease may end.
+    let lost_after = if trouble.restarts_both() {
+        LOST_AFTER
+    } else {
+        usual.lost_after
+    };
+    let mut pair = Pair::with(Wish {
+        lost_after,
+        ..usual
+    });
     let mut random = fastrand::Rng::with_seed(baud.into());
     let stop = Bounds::checked(&pair)
         .map(|bounds| bounds.stop)
