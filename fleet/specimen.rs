@@ -10,7 +10,7 @@ use vfd_gateway::cli::demo::plant::{self, Drive, Line};
 use vfd_gateway::cli::{Failure, input};
 use vfd_gateway::config::{self, Config, MqttSettings};
 use vfd_gateway::daemon::host::clock;
-use vfd_gateway::daemon::service::build;
+use vfd_gateway::daemon::lines::build;
 use vfd_gateway::domain::command::{Direction, Owner, RunIntent};
 use vfd_gateway::domain::frequency::Hertz;
 use vfd_gateway::domain::ids::{Name, Station};

@@ -4,10 +4,10 @@ use crate::daemon::exchange::answers::{AnswerBox, News};
 use crate::daemon::exchange::inbox::{Full, Message};
 use crate::daemon::exchange::keeper::Keeper;
 use crate::daemon::exchange::north_journal::Journal;
+use crate::daemon::exchange::reload_request::{Reloaded, Reloads};
 use crate::daemon::exchange::shared::{Current, Shared};
 use crate::daemon::host::clock;
-use crate::daemon::service::reload_request::{Reloaded, Reloads};
-use crate::daemon::service::stall::Stalls;
+use crate::daemon::host::stall::Stalls;
 use crate::domain::address::Address;
 use crate::domain::command::{
     CommandRequest, Manner, Order, Origin, Outcome, Owner, Reason, Report, Rights,
@@ -181,7 +181,7 @@ impl LocalSide {
     pub async fn reload(&self) -> Reloaded {
         match &self.reloads {
             Some(reloads) => reloads.ask().await,
-            None => Err(crate::daemon::service::reload_request::Refusal::NoFile),
+            None => Err(crate::daemon::exchange::reload_request::Refusal::NoFile),
         }
     }
 

@@ -22,7 +22,7 @@ use crate::daemon::exchange::router::Router;
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::descriptors::Spare;
-use crate::daemon::service::stall::Stalls;
+use crate::daemon::host::stall::Stalls;
 use crate::domain::command::{Manner, Origin, Owner, Rights};
 use crate::domain::ids::AskerId;
 use crate::domain::time::MonoTime;

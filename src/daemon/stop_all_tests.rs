@@ -4,6 +4,7 @@ use crate::config::{self, Config};
 use crate::daemon::exchange::inbox::Inbox;
 use crate::daemon::exchange::shared::{Current, Shared};
 use crate::daemon::host::clock;
+use crate::daemon::lines;
 use crate::daemon::local::{LocalSide, Who};
 use crate::daemon::mqtt::Protocol;
 use crate::daemon::mqtt::speaker::Speaker;
@@ -82,7 +83,7 @@ fn by_way_of_mqtt() {
     let config = config();
     let ((_, settings), shared) = (
         broker_side(&config, &Dir::new()).mqtt,
-        Arc::new(build::shared(&config)),
+        Arc::new(lines::build::shared(&config)),
     );
     let current = Current::from(Arc::clone(&shared));
     let news = Arc::default();
@@ -108,7 +109,7 @@ fn by_way_of_sparkplug() {
     let config = config();
     let dir = Dir::new();
     let settings = broker_side(&config, &dir).sparkplug.unwrap().settings;
-    let shared = Arc::new(build::shared(&config));
+    let shared = Arc::new(lines::build::shared(&config));
     let news = Arc::default();
     let totals = Arc::default();
     let journal = None;
@@ -146,7 +147,7 @@ fn by_way_of_sparkplug() {
 
 #[test]
 fn by_way_of_the_page() {
-    let shared = Arc::new(build::shared(&config()));
+    let shared = Arc::new(lines::build::shared(&config()));
     let side = LocalSide::new(Arc::clone(&shared), None);
     let places: Vec<_> = shared
         .drives

@@ -13,13 +13,13 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 use vfd_gateway::config;
+use vfd_gateway::daemon::exchange::north_sides::NorthSides;
 use vfd_gateway::daemon::exchange::shared::{Current, Shared};
 use vfd_gateway::daemon::host::clock;
 use vfd_gateway::daemon::journal::{
     Journal, JournalReport, JournalState, NorthSource, Settings, Source, file_in,
 };
-use vfd_gateway::daemon::service::build;
-use vfd_gateway::daemon::service::north_sides::NorthSides;
+use vfd_gateway::daemon::lines::build;
 use vfd_gateway::domain::command::{Owner, Reason, Report};
 use vfd_gateway::domain::time::MonoTime;
 use vfd_gateway::journal::{Attempt, AttemptId, Entry, Keep, Tried};

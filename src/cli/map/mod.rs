@@ -5,7 +5,7 @@ mod form;
 use super::client::UNIFORM;
 use super::{Failure, input, print};
 use crate::config::{Config, ListenerSettings};
-use crate::daemon::service::build;
+use crate::daemon::lines::build;
 use crate::domain::command::Rights;
 use crate::domain::ids::UnitId;
 use crate::drive::description::DriveDescription;

@@ -1,7 +1,7 @@
 //! The way back from the line threads to the north side.
 
+use crate::daemon::exchange::origin::Origin;
 use crate::daemon::host::clock;
-use crate::daemon::journal::origin::Origin;
 use crate::domain::command::CommandAnswer;
 use crate::domain::ids::AskerId;
 use crate::domain::native::NativeAnswer;

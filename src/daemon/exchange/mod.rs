@@ -3,12 +3,14 @@
 
 pub mod answers;
 pub mod bell;
-pub mod board;
 pub mod hand_over;
 pub mod inbox;
 pub mod keeper;
 pub mod north_journal;
+pub mod north_sides;
+pub mod origin;
 pub mod rate_limited_log;
+pub mod reload_request;
 pub mod role;
 pub mod router;
 pub mod shared;

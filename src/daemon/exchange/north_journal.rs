@@ -1,7 +1,5 @@
 //! What the north sides pass to the journal, if there is one.
 
-use crate::daemon::exchange::shared::Current;
-use crate::daemon::journal::{self, NorthSource};
 use crate::drive::description::DriveRef;
 use crate::journal::Attempt;
 use std::fmt::Debug;
@@ -22,23 +20,3 @@ pub trait NorthJournal: Debug + Send + Sync {
 
 /// The journal, if there is one. Without it, attempts are dropped and events are not requested.
 pub type Journal = Option<Arc<dyn NorthJournal>>;
-
-/// The way of another north side, whose attempts are counted from 1, to `journal`; `current` knows the names of drives.
-#[must_use]
-pub fn side(journal: Option<&Arc<journal::Journal>>, current: &Current) -> Journal {
-    Some(Arc::new(journal?.north(current.clone())))
-}
-
-impl NorthJournal for NorthSource {
-    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
-        Self::keep(self, drive, attempt);
-    }
-
-    fn event_taken(&self, seq: u64) {
-        Self::event_taken(self, seq);
-    }
-
-    fn want_events(&self, after: u64) {
-        Self::want_events(self, after);
-    }
-}

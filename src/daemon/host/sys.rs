@@ -2,8 +2,8 @@
 
 #![allow(unsafe_code)]
 
+use crate::daemon::host::serial_settings::{Rs485, SerialInfo};
 use crate::daemon::host::timer::RawTimer;
-use crate::daemon::port::{Rs485, SerialInfo};
 use std::io;
 use std::net::TcpStream;
 use std::os::fd::{AsRawFd, BorrowedFd};

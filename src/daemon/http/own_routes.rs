@@ -3,9 +3,9 @@
 use super::answers::json;
 use super::{hand_over, params, setup, standstill, watchdog};
 use crate::config::change::ChangeNote;
+use crate::daemon::exchange::reload_request::{Applied, Refusal, Reloaded};
 use crate::daemon::exchange::shared::SharedDrive;
 use crate::daemon::local::{LocalSide, Who};
-use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::address::Address;
 use crate::domain::command::{Go, Outcome, Owner, Reason, Report};
 use crate::domain::problem::Problem;

@@ -1,6 +1,6 @@
 //! The inbox of the journal's writer. Adding to it never blocks.
 
-use super::origin::Origin;
+use crate::daemon::exchange::origin::Origin;
 use crate::domain::ids::Name;
 use crate::domain::time::MonoTime;
 use crate::journal::audit::Lost;

@@ -13,7 +13,6 @@ mod events;
 mod files;
 mod inbox;
 pub mod listing;
-pub mod origin;
 pub mod reader;
 pub mod rescue;
 pub mod schema;
@@ -31,15 +30,16 @@ pub use status::{JournalReport, JournalState};
 
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::Inbox as LineInbox;
+use crate::daemon::exchange::north_journal::{self, NorthJournal};
+use crate::daemon::exchange::north_sides::NorthSides;
+use crate::daemon::exchange::origin::Origin;
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::host::clock;
-use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::Name;
 use crate::domain::report::LineReport;
 use crate::drive::description::{DriveDescription, DriveRef};
 use crate::journal::{Attempt, Keep, Remembered, row};
 use inbox::{Inbox, Post};
-use origin::Origin;
 use status::Status;
 use std::collections::BTreeMap;
 use std::io;
@@ -140,13 +140,7 @@ impl Journal {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .extend(names);
-        let origin = Origin {
-            id: self.next_source(),
-            line: name,
-            drives,
-            inbox,
-            kept: AtomicU64::new(0),
-        };
+        let origin = Origin::new(self.next_source(), name, drives, inbox);
         Source {
             journal: Arc::clone(self),
             origin: Arc::new(origin),
@@ -279,6 +273,26 @@ impl NorthSource {
     pub fn want_events(&self, after: u64) {
         self.journal.inbox.put(Post::WantEvents(after));
     }
+}
+
+impl NorthJournal for NorthSource {
+    fn keep(&self, drive: Option<DriveRef>, attempt: Attempt) {
+        Self::keep(self, drive, attempt);
+    }
+
+    fn event_taken(&self, seq: u64) {
+        Self::event_taken(self, seq);
+    }
+
+    fn want_events(&self, after: u64) {
+        Self::want_events(self, after);
+    }
+}
+
+/// The way of another north side, whose attempts are counted from 1, to `journal`; `current` knows the names of drives.
+#[must_use]
+pub fn side(journal: Option<&Arc<Journal>>, current: &Current) -> north_journal::Journal {
+    Some(Arc::new(journal?.north(current.clone())))
 }
 
 /// The path of the journal in the data directory `directory`.

@@ -7,7 +7,7 @@ use super::*;
 use crate::config::{self, Config};
 use crate::daemon::exchange::answers::News;
 use crate::daemon::exchange::inbox::Message;
-use crate::daemon::service::build;
+use crate::daemon::lines::build;
 use crate::daemon::testing::Dir;
 use crate::domain::command::{Order, Outcome, Owner, Reason, Report};
 use crate::domain::ids::DriveIndex;

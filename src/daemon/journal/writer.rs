@@ -3,19 +3,18 @@
 use super::database::{Database, DatabaseState};
 use super::event_sender::EventSender;
 use super::inbox::{Inbox, Post};
-use super::origin::Origin;
 use super::status::Status;
 use super::store::Store;
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::north_sides::NorthSides;
+use crate::daemon::exchange::origin::Origin;
 use crate::daemon::host::clock;
-use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::Name;
 use crate::domain::time::{MonoTime, WallTime};
 use crate::journal::audit::Lost;
 use crate::journal::{Book, Entry, Keep, RowNumber, row};
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -290,7 +289,7 @@ impl Writer {
 
     fn note_kept(&mut self) {
         for (id, (origin, row)) in std::mem::take(&mut self.rows) {
-            origin.kept.store(row.0, Ordering::SeqCst);
+            origin.note_kept(row);
             self.to_tell.insert(id, (origin, row));
         }
     }

@@ -4,26 +4,29 @@
 //! starts on top of bytes that have just arrived; let the core decide; act.
 
 mod acting;
+mod board;
 mod connection;
 mod memory;
 mod opening;
+mod rows;
 mod serving;
 
 use crate::config::PortAddress;
 use crate::daemon::exchange::bell::Bell;
-use crate::daemon::exchange::board::Board;
 use crate::daemon::exchange::inbox::Message;
+use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::{SharedDrive, SharedLine};
 use crate::daemon::host::clock;
 use crate::daemon::host::sys;
 use crate::daemon::host::timer::Timer;
+use crate::daemon::journal::Journal;
 use crate::daemon::port::{Attempts, PortSettings};
-use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::ids::DriveIndex;
 use crate::domain::report::LineFault;
 use crate::domain::time::MonoTime;
 use crate::gateway::{Input, LineCore, LineSetup};
 use crate::journal::Remembered;
+use board::Board;
 pub use memory::Memory;
 use opening::LoggedFaults;
 use std::io;
@@ -87,7 +90,8 @@ impl Drop for Alive {
 }
 
 impl LineHandle {
-    /// Starts the thread of `line`, which rings `changed` whenever it publishes something new.
+    /// Starts the thread of `line`, which rings `changed` whenever it publishes something new. It answers to `north`, and
+    /// its rows go to `journal`.
     ///
     /// # Errors
     /// The system's refusal to start a thread.
@@ -97,12 +101,13 @@ impl LineHandle {
         line: Arc<SharedLine>,
         changed: Arc<Bell>,
         north: NorthSides,
+        journal: Option<&Arc<Journal>>,
     ) -> io::Result<Self> {
         let (begin, begun) = oneshot::channel();
         let (is_ready, ready) = oneshot::channel();
         let (rests, rested) = oneshot::channel();
         let (ends, ended) = oneshot::channel();
-        let board = Board::new(Arc::clone(&line), changed, north);
+        let board = Board::new(Arc::clone(&line), changed, north, journal);
         let alive = Alive {
             line: Arc::clone(&line),
             _ends: ends,

@@ -1,6 +1,6 @@
-//! Lines: their threads, their rows in the journal, the line of a tool, and simulated ones.
+//! Lines: what they are built from, their threads, the line of a tool, and simulated ones.
 
-pub mod rows;
+pub mod build;
 pub mod simulated_end;
 pub mod simulator;
 pub mod threads;

@@ -2,11 +2,12 @@
 
 use crate::config::LineSettings;
 use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::SharedLine;
+use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::LineHandle;
 use crate::daemon::line_thread::Memory;
-use crate::daemon::service::build;
-use crate::daemon::service::north_sides::NorthSides;
+use crate::daemon::lines::build;
 use crate::domain::report::StopBounds;
 use std::hash::{BuildHasher, RandomState};
 use std::io;
@@ -29,6 +30,8 @@ const STOPS_WITHIN: Duration = Duration::from_secs(5);
 pub struct Lines {
     handles: Vec<LineHandle>,
     sides: NorthSides,
+    /// `None` without a data directory.
+    journal: Option<Arc<Journal>>,
     changed: Arc<Bell>,
     data_dir: Option<PathBuf>,
     last_number: u16,
@@ -37,11 +40,12 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Starts without threads. They will answer to `sides` and ring `changed`. The lines of the configuration are
-    /// `numbered` from 0 already.
+    /// Starts without threads. They will answer to `sides`, send their rows to `journal` and ring `changed`. The lines of
+    /// the configuration are `numbered` from 0 already.
     #[must_use]
     pub fn new(
         sides: NorthSides,
+        journal: Option<Arc<Journal>>,
         changed: Arc<Bell>,
         data_dir: Option<PathBuf>,
         numbered: usize,
@@ -50,6 +54,7 @@ impl Lines {
         Self {
             handles: Vec::new(),
             sides,
+            journal,
             changed,
             data_dir,
             last_number,
@@ -84,7 +89,7 @@ impl Lines {
         let setup = build::line_setup(
             settings,
             first_epoch(),
-            self.sides.journal.is_some(),
+            self.journal.is_some(),
             self.have_begun,
         );
         let StopBounds {
@@ -99,6 +104,7 @@ impl Lines {
             line,
             Arc::clone(&self.changed),
             self.sides.clone(),
+            self.journal.as_ref(),
         )?;
         if handle.is_ready().await {
             Ok(handle)

@@ -2,12 +2,12 @@
 //! master in this program.
 
 use crate::config::PortAddress;
+use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::{Shared, SharedLine};
 use crate::daemon::line_thread::{LineHandle, LinePort};
+use crate::daemon::lines::build;
 use crate::daemon::local::LocalSide;
 use crate::daemon::port::{Opener, PortSettings};
-use crate::daemon::service::build;
-use crate::daemon::service::north_sides::NorthSides;
 use crate::domain::address::Address;
 use crate::domain::command::Report;
 use crate::domain::ids::{DriveIndex, Name};
@@ -140,7 +140,8 @@ impl ToolLine {
             settings: port.settings(name.as_str()),
         };
         let changed = Arc::clone(&shared.changed);
-        let mut handle = LineHandle::prepare(place, setup, Arc::clone(&line), changed, north)?;
+        let mut handle =
+            LineHandle::prepare(place, setup, Arc::clone(&line), changed, north, None)?;
         handle.begin(&crate::daemon::line_thread::Memory::new());
         let line = Self {
             side,

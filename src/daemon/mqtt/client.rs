@@ -18,7 +18,7 @@ use super::retry::Retry;
 use super::settings::ConnectionSettings;
 use super::{Packet, Protocol, tls};
 use crate::daemon::host::clock;
-use crate::daemon::service::stall::{LOOK_EVERY, Turns};
+use crate::daemon::host::stall::{LOOK_EVERY, Turns};
 use crate::north::broker::{Event, Refusal};
 use std::cell::RefCell;
 use std::future::poll_fn;

@@ -9,7 +9,6 @@ mod serial;
 mod tcp;
 
 pub use attempts::Attempts;
-pub use driver::{Rs485, SerialInfo};
 
 use crate::config::PortAddress;
 use crate::domain::link::{DirectionControl, LinkSettings, PortKind};

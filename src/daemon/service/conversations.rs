@@ -1,13 +1,13 @@
 //! The conversations with the broker: that of the MQTT side and that of the Sparkplug side.
 
 use crate::daemon::exchange::answers::AnswerBox;
-use crate::daemon::exchange::north_journal;
+use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::host::clock;
 use crate::daemon::http::State;
+use crate::daemon::journal::{self, Journal};
 use crate::daemon::mqtt::speaker::Speaker;
 use crate::daemon::mqtt::{self, ConnectionSettings, Counters, Protocol};
-use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::sparkplug::BdSeq;
 use crate::daemon::sparkplug::speaker::{Sides, Speaker as SparkplugSpeaker};
 use crate::domain::ids::Ticket;
@@ -55,6 +55,7 @@ pub struct BrokerSide {
 pub struct Conversations {
     current: Current,
     sides: NorthSides,
+    journal: Option<Arc<Journal>>,
     state: Arc<State>,
     mqtt: Option<Conversation<Mqtt>>,
     sparkplug: Option<Conversation<Sparkplug>>,
@@ -71,12 +72,19 @@ struct Conversation<W> {
 }
 
 impl Conversations {
-    /// Starts without conversations. Answers of the lines arrive through `sides`, and `state` shows the counts.
+    /// Starts without conversations. Answers of the lines arrive through `sides`, what has no line goes to `journal`, and
+    /// `state` shows the counts.
     #[must_use]
-    pub const fn new(current: Current, sides: NorthSides, state: Arc<State>) -> Self {
+    pub const fn new(
+        current: Current,
+        sides: NorthSides,
+        journal: Option<Arc<Journal>>,
+        state: Arc<State>,
+    ) -> Self {
         Self {
             current,
             sides,
+            journal,
             state,
             mqtt: None,
             sparkplug: None,
@@ -107,7 +115,7 @@ impl Conversations {
     fn talk(&mut self, mqtt: Option<Mqtt>) {
         let first_ticket = self.next_ticket();
         let current = self.current.clone();
-        let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
+        let journal = journal::side(self.journal.as_ref(), &self.current);
         let says = async move |(connection, settings): Mqtt, totals, news, stopped| {
             let changed = Arc::clone(&current.load().changed);
             let speaker = Speaker::new(
@@ -133,7 +141,7 @@ impl Conversations {
     fn talk_sparkplug(&mut self, sparkplug: Option<Sparkplug>) {
         let first_ticket = self.next_ticket();
         let current = self.current.clone();
-        let journal = north_journal::side(self.sides.journal.as_ref(), &self.current);
+        let journal = journal::side(self.journal.as_ref(), &self.current);
         let says = async move |with: Sparkplug, totals, news, stopped| {
             let Sparkplug {
                 connection,

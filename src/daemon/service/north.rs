@@ -3,24 +3,23 @@
 use crate::config::change::Change;
 use crate::config::{BEHIND_A_BRIDGE, Config, ListenerSettings};
 use crate::daemon::commissioning::Site;
-use crate::daemon::exchange::north_journal;
+use crate::daemon::exchange::north_sides::NorthSides;
+use crate::daemon::exchange::reload_request::Reloads;
 use crate::daemon::exchange::router::{Router, Units};
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::exchange::totals::ModbusTotals;
 use crate::daemon::host::clock;
 use crate::daemon::host::descriptors;
 use crate::daemon::host::secret_files;
+use crate::daemon::host::stall::Stalls;
 use crate::daemon::http::report;
 use crate::daemon::http::{self, Control, Documents, Front, State, socket::OwnSocket};
-use crate::daemon::journal::Journal;
+use crate::daemon::journal::{self, Journal};
+use crate::daemon::lines::build;
 use crate::daemon::local::LocalSide;
 use crate::daemon::modbus_rtu::SerialMaster;
 use crate::daemon::modbus_server::{Listener, Security, Server};
-use crate::daemon::service::build;
 use crate::daemon::service::conversations::{BrokerSide, Conversations};
-use crate::daemon::service::north_sides::NorthSides;
-use crate::daemon::service::reload_request::Reloads;
-use crate::daemon::service::stall::Stalls;
 use crate::daemon::service::start_error::StartError;
 use crate::daemon::trends::Trends;
 use crate::domain::ids::Name;
@@ -241,7 +240,7 @@ impl North {
         config: &Config,
         (name, site): (&Name, Option<Site>),
         current: Current,
-        sides: NorthSides,
+        (sides, journal): (NorthSides, Option<Arc<Journal>>),
         bound: Bound,
         socket: Option<(OwnSocket, Option<Reloads>)>,
         broker_side: Option<BrokerSide>,
@@ -254,11 +253,8 @@ impl North {
             modbus: Arc::clone(&modbus_totals),
             mqtt: None.into(),
             sparkplug: None.into(),
-            journal: sides.journal.clone(),
-            trends: sides
-                .journal
-                .as_ref()
-                .and_then(|journal| trends_beside(journal)),
+            journal: journal.clone(),
+            trends: journal.as_ref().and_then(|journal| trends_beside(journal)),
             configuration: site.as_ref().map(|site| site.file.clone()),
             socket: socket.as_ref().map(|(socket, _)| socket.reachable()),
             started: started.mono,
@@ -272,7 +268,7 @@ impl North {
         let stalls = Arc::<Stalls>::default();
         tokio::task::spawn_local(Arc::clone(&stalls).watch());
         let side = LocalSide::new(current.clone(), reloads).with_stalls(Arc::clone(&stalls));
-        let side = Arc::new(side.keeping(north_journal::side(sides.journal.as_ref(), &current)));
+        let side = Arc::new(side.keeping(journal::side(journal.as_ref(), &current)));
         tokio::task::spawn_local(Arc::clone(&side).distribute(Arc::clone(&sides.local)));
         if let Some(socket) = socket {
             tokio::task::spawn_local(socket.serve(documents.clone(), Arc::clone(&side)));
@@ -283,16 +279,13 @@ impl North {
             Front::default(),
             site,
         ));
-        let server = Server::new(
-            modbus_totals,
-            north_journal::side(sides.journal.as_ref(), &current),
-        );
+        let server = Server::new(modbus_totals, journal::side(journal.as_ref(), &current));
         let server = Rc::new(server.with_slots(places(config)).with_stalls(stalls));
         tokio::task::spawn_local(Rc::clone(&server).distribute(Arc::clone(&sides.modbus)));
         let units = Units::new(&current.get());
         let listeners = Vec::new();
         let serial = Vec::new();
-        let conversations = Conversations::new(current.clone(), sides, state);
+        let conversations = Conversations::new(current.clone(), sides, journal, state);
         let mut north = Self {
             current,
             documents,

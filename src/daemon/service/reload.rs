@@ -7,16 +7,17 @@ use crate::config::change::{Change, ChangeNote, ConfigPart};
 use crate::config::{Config, MqttSettings, Removal};
 use crate::daemon::commissioning::{Judge, Site};
 use crate::daemon::exchange::hand_over::hand_over;
+use crate::daemon::exchange::reload_request::{Applied, Refusal, Reloaded};
 use crate::daemon::exchange::shared::{Current, Shared, SharedLine};
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::{LineHandle, Memory};
+use crate::daemon::lines;
 use crate::daemon::lines::threads::Lines;
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::build;
 use crate::daemon::service::conversations::BrokerSide;
 use crate::daemon::service::embedded_broker::embedded_broker;
 use crate::daemon::service::north::{self, Bound, North};
-use crate::daemon::service::reload_request::{Applied, Refusal, Reloaded};
 use crate::domain::ids::Name;
 use std::fmt;
 use std::path::PathBuf;
@@ -177,7 +178,10 @@ impl Gateway {
                 lines.push(Arc::clone(line));
                 continue;
             }
-            let line = Arc::new(build::shared_line(self.lines.next_number(), settings));
+            let line = Arc::new(lines::build::shared_line(
+                self.lines.next_number(),
+                settings,
+            ));
             lines.push(Arc::clone(&line));
             handles.push(
                 self.lines

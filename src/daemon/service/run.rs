@@ -3,20 +3,21 @@
 use crate::config::Config;
 use crate::daemon::commissioning::Site;
 use crate::daemon::exchange::bell::Bell;
+use crate::daemon::exchange::north_sides::NorthSides;
+use crate::daemon::exchange::reload_request::{Refusal, Reloaded, Reloads};
 use crate::daemon::exchange::shared::Current;
 use crate::daemon::host::{directories, sys};
 use crate::daemon::http::socket::OwnSocket;
 use crate::daemon::journal::Journal;
 use crate::daemon::line_thread::Memory;
+use crate::daemon::lines;
 use crate::daemon::lines::threads::Lines;
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::build;
 use crate::daemon::service::embedded_broker::embedded_broker;
 use crate::daemon::service::north::{self, North, ToolConnections};
-use crate::daemon::service::north_sides::NorthSides;
 use crate::daemon::service::notify;
 use crate::daemon::service::reload::{Gateway, Load, Loader};
-use crate::daemon::service::reload_request::{Refusal, Reloaded, Reloads};
 use crate::daemon::service::signals::told_to_end;
 use crate::daemon::service::start_error::StartError;
 use crate::domain::ids::Name;
@@ -174,7 +175,7 @@ async fn start(
         sparkplug: Some(Arc::default()),
         ..NorthSides::default()
     };
-    let shared = Arc::new(build::shared(config));
+    let shared = Arc::new(lines::build::shared(config));
     let data_dir = config.gateway.data_dir.clone();
     if let Some(directory) = &data_dir {
         make_data_dir(directory);
@@ -207,19 +208,25 @@ async fn start(
     let broker_side = mqtt.map_err(StartError::Mqtt)?;
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);
-    let (sides, memory) = with_journal(config, sides, &changed)?;
-    let journal = sides.journal.clone();
-    let mut lines = Lines::new(sides.clone(), changed, data_dir, shared.lines.len());
+    let (journal, memory) = begun_journal(config, &sides, &changed)?;
+    let mut lines = Lines::new(
+        sides.clone(),
+        journal.clone(),
+        changed,
+        data_dir,
+        shared.lines.len(),
+    );
     let mut handles = Vec::with_capacity(config.lines.len());
     for (settings, line) in config.lines.iter().zip(&shared.lines) {
         handles.push(lines.prepare(settings, Arc::clone(line)).await?);
     }
     let current = Current::from(shared);
+    let both = (sides, journal.clone());
     let north = North::start(
         config,
         (&name, site),
         current.clone(),
-        sides,
+        both,
         bound,
         socket,
         broker_side,
@@ -366,21 +373,15 @@ fn name_of(config: &Config) -> Name {
         .unwrap_or_else(Name::fallback)
 }
 
-/// `sides` with the journal, if there is a data directory, and the remembered state of the drives.
-fn with_journal(
+/// The journal, if there is a data directory, and the remembered state of the drives.
+fn begun_journal(
     config: &Config,
-    sides: NorthSides,
+    sides: &NorthSides,
     changed: &Arc<Bell>,
-) -> io::Result<(NorthSides, Memory)> {
+) -> io::Result<(Option<Arc<Journal>>, Memory)> {
     let Some(settings) = build::journal(config) else {
-        return Ok((sides, Memory::new()));
+        return Ok((None, Memory::new()));
     };
     let (journal, memory) = Journal::start(&settings, sides.clone(), Arc::clone(changed))?;
-    Ok((
-        NorthSides {
-            journal: Some(journal),
-            ..sides
-        },
-        memory,
-    ))
+    Ok((Some(journal), memory))
 }

@@ -1,6 +1,6 @@
 //! Why the gateway could not start.
 
-use crate::daemon::service::own_lock::AlreadyRunning;
+use crate::daemon::host::own_lock::AlreadyRunning;
 use std::io;
 use std::net::SocketAddr;
 

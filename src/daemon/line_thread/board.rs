@@ -1,12 +1,13 @@
 //! What one line thread publishes to the north sides: answers, the views of its drives, its own state.
 
+use super::rows::LineRows;
 use crate::daemon::exchange::answers::News;
 use crate::daemon::exchange::bell::Bell;
 use crate::daemon::exchange::inbox::{Inbox, Message};
+use crate::daemon::exchange::north_sides::NorthSides;
 use crate::daemon::exchange::shared::SharedLine;
 use crate::daemon::host::clock;
-use crate::daemon::lines::rows::LineRows;
-use crate::daemon::service::north_sides::NorthSides;
+use crate::daemon::journal::Journal;
 use crate::domain::ids::{AskerId, DriveIndex};
 use crate::domain::report::LineReport;
 use crate::domain::time::MonoTime;
@@ -36,10 +37,15 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board of `line`, whose news are sent to `north`; `changed` is rung for them.
+    /// The board of `line`, whose news are sent to `north` and whose rows to `journal`; `changed` is rung for them.
     #[must_use]
-    pub fn new(line: Arc<SharedLine>, changed: Arc<Bell>, north: NorthSides) -> Self {
-        let journal = north.journal.as_ref().map(|journal| {
+    pub fn new(
+        line: Arc<SharedLine>,
+        changed: Arc<Bell>,
+        north: NorthSides,
+        journal: Option<&Arc<Journal>>,
+    ) -> Self {
+        let journal = journal.map(|journal| {
             let drives = line
                 .drives
                 .iter()

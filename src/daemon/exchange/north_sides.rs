@@ -1,10 +1,9 @@
 //! The north sides that lines answer to.
 
 use crate::daemon::exchange::answers::AnswerBox;
-use crate::daemon::journal::Journal;
 use std::sync::Arc;
 
-/// The north sides that lines answer to, and the journal of both.
+/// The north sides that lines answer to.
 #[derive(Clone, Debug, Default)]
 pub struct NorthSides {
     /// Modbus TCP connections.
@@ -15,6 +14,4 @@ pub struct NorthSides {
     pub sparkplug: Option<Arc<AnswerBox>>,
     /// The program's own tools, and the page.
     pub local: Arc<AnswerBox>,
-    /// The journal; `None` without a data directory.
-    pub journal: Option<Arc<Journal>>,
 }
