@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use vfd_gateway::cli::{Failure, input};
+use vfd_gateway::cli::tools::{Failure, input};
 use vfd_gateway::daemon::mqtt::Secret;
 
 /// Users with their passwords.

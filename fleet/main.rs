@@ -12,9 +12,9 @@ use clap::Parser;
 use play::{Progress, Stage};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use vfd_gateway::cli::own_models::ModelDirs;
-use vfd_gateway::cli::progress::Bar;
-use vfd_gateway::cli::{Failure, log, print};
+use vfd_gateway::cli::tools::own_models::ModelDirs;
+use vfd_gateway::cli::tools::progress::Bar;
+use vfd_gateway::cli::tools::{Failure, log, print};
 
 /// The text of `--help` after the options.
 const ABOUT: &str = "\

@@ -6,7 +6,7 @@ use super::{Args, ReadingArg, UpdateArg};
 use crate::books::{Shape, Update};
 use crate::play::{Plan, Reading};
 use std::time::Duration;
-use vfd_gateway::cli::{Failure, input};
+use vfd_gateway::cli::tools::{Failure, input};
 use vfd_gateway::config::{self, BrokerSettings};
 use vfd_gateway::daemon::mqtt::{ConnectionSettings, Keeps};
 use vfd_gateway::daemon::service::build;

@@ -18,7 +18,7 @@
 //! | [`config`] | the configuration file, from text to ready values or to all its problems |
 //! | [`sim`] | simulated drives on a simulated bus |
 //! | [`daemon`] | the only room with tokio, files, sockets, clocks and signals |
-//! | [`cli`] | one file per command |
+//! | [`cli`] | the commands, one file each, and their tools |
 //!
 //! Everything up to `sim` is synchronous and pure: it is given events and the time and says what should
 //! be done. A build without default features proves it.

@@ -312,14 +312,14 @@ fn no_vendor_is_named_outside_its_room() {
     );
     assert_bites(
         rule,
-        "src/cli/demo.rs",
+        "src/cli/commands/demo.rs",
         "let id = \"hyundai-n700\";",
         1,
         "#[cfg(test)]\nmod tests { /* N700 */ }",
     );
     assert_bites(
         rule,
-        "src/cli/demo.rs",
+        "src/cli/commands/demo.rs",
         "#[cfg(test)]\nmod tests {}\nconst TECO: u8 = 1;",
         3,
         "",
@@ -418,7 +418,7 @@ fn no_file_names_a_path_of_one_machine() {
     for (one, other) in MACHINE_PATHS {
         assert_bites(
             rule,
-            "src/cli/run.rs",
+            "src/cli/commands/run.rs",
             &format!("// see {one}{other}x"),
             1,
             "// see /etc/x",

@@ -1,61 +1,18 @@
-//! The command line: one small file per command.
+//! The command line: `commands/` has one small file per command, `tools/` what several of them use, `help/` the texts of
+//! `--help`. A command uses tools and no other command.
 
-mod broker;
-mod capture;
-mod certificate;
-mod check;
-mod client;
-mod completions;
-mod data_dir;
-pub mod demo;
-mod diagnose;
-mod doctor;
-mod enable;
-mod failure;
-mod health;
+pub mod commands;
 mod help;
-mod init;
-pub mod input;
-mod journal;
-mod keyboard;
-mod link_args;
-pub mod log;
-mod man;
-mod map;
-mod model_facts;
-mod models;
-mod new_model;
-mod output;
-mod own_gateway;
-pub mod own_models;
-mod params;
-mod password;
-pub mod progress;
-mod qualify;
-mod questions;
-mod read;
-mod reload;
-mod run;
-mod scan;
-mod setup;
-mod simulate;
-mod socket;
-mod standby;
-mod standstill;
-mod start_words;
-mod straight_write;
-mod target;
-mod usage;
-mod verify;
-mod view;
-mod watch;
-mod watchdog;
-mod write;
+pub mod tools;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-pub use failure::Failure;
-pub use output::{Tone, print, toned};
+use commands::{
+    broker, capture, certificate, check, completions, demo, diagnose, doctor, enable, health, init,
+    journal, man, map, models, params, password, qualify, read, reload, run, scan, simulate,
+    standby, standstill, usage, verify, watch, watchdog, write,
+};
 use std::process::ExitCode;
+use tools::log;
 
 /// Bridges variable-frequency drives on serial lines to Modbus TCP and MQTT.
 ///

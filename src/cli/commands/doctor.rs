@@ -1,0 +1,482 @@
+//! `doctor`: observes the lines of the running gateway for a while and reports what is wrong with them.
+
+use crate::cli::tools::socket::{self, Question};
+use crate::cli::tools::{Failure, Tone, log, print, toned};
+use crate::daemon::http::report::SPAN_SECONDS;
+use crate::daemon::http::socket::SOCKET_NAME;
+use crate::north::finding::Sign;
+use axum::http::StatusCode;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::io::{IsTerminal, stderr};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::time::interval;
+
+/// Longest time for an answer that needs no waiting, and the allowance beyond the observed span.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Lines that are watched at once.
+const AT_ONCE: usize = 8;
+/// What the doctor names of a drive beside its frames: a motor that does not do what was ordered.
+const OF_MOTION: [Sign; 6] = [
+    Sign::MayStillRun,
+    Sign::NotEffective,
+    Sign::OutputOutside,
+    Sign::StoppedElsewhere,
+    Sign::CommanderLost,
+    Sign::FailSafe,
+];
+/// Cells of the progress bar.
+const BAR_CELLS: u64 = 30;
+
+/// Arguments of `doctor`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    place: socket::SocketArgs,
+    /// The gateway's data directory, with its socket
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["config", "socket"])]
+    data_dir: Option<PathBuf>,
+    /// Only this line, by its name in the gateway's configuration
+    #[arg(long, value_name = "NAME")]
+    line: Option<String>,
+    /// How long to observe
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u64).range(SPAN_SECONDS))]
+    seconds: u64,
+    /// Print the gateway's JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints a report of each line, and what is wrong with the gateway itself. It fails if there is a problem.
+pub fn doctor(args: &Args) -> Result<(), Failure> {
+    let socket = match &args.data_dir {
+        Some(directory) => directory.join(SOCKET_NAME),
+        None => args.place.path()?,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    let reports = runtime.block_on(watch(&socket, args))?;
+    let advice = runtime.block_on(advice(&socket));
+    let (own, drives) = (own_findings(&advice), of_motion(&advice, &reports));
+    print(&if args.json {
+        format!(
+            "{}\n",
+            json!({ "lines": reports, "drives": drives, "gateway": own })
+        )
+    } else {
+        format!(
+            "{}{}{}",
+            text(&reports),
+            section("drives", &drives),
+            section("gateway", &own)
+        )
+    })?;
+    let all = reports.iter().flat_map(findings).chain(drives).chain(own);
+    match all
+        .filter(|finding| finding["severity"] == "problem")
+        .count()
+    {
+        0 => Ok(()),
+        1 => Err(Failure::failed("one problem was found")),
+        problems => Err(Failure::failed(format!("{problems} problems were found"))),
+    }
+}
+
+/// The reports of all requested lines, in the order of the configuration.
+async fn watch(socket: &Path, args: &Args) -> Result<Vec<Value>, Failure> {
+    let failed =
+        |reason: String| Failure::failed(format!("gateway at {}: {reason}", socket.display()));
+    let health = look(socket, "/api/v1/health", PATIENCE)
+        .await
+        .map_err(failed)?;
+    let lines = health["lines"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|line| line["name"].as_str());
+    let all: Vec<_> = lines.map(str::to_owned).collect();
+    let wanted: Vec<_> = all
+        .iter()
+        .filter(|name| args.line.as_ref().is_none_or(|line| line == *name))
+        .collect();
+    if let (true, Some(line)) = (wanted.is_empty(), &args.line) {
+        return Err(Failure::wrong(format!(
+            "there is no line called {line}; there are: {}",
+            all.join(", ")
+        )));
+    }
+    let mut reports = Vec::with_capacity(wanted.len());
+    for some in wanted.chunks(AT_ONCE) {
+        let asked = some.iter().map(|name| {
+            let socket = socket.to_owned();
+            let path = format!("/api/v1/lines/{name}/report?seconds={}", args.seconds);
+            let patience = PATIENCE + Duration::from_secs(args.seconds);
+            tokio::spawn(async move { look(&socket, &path, patience).await })
+        });
+        let asked: Vec<_> = asked.collect();
+        let progress = tokio::spawn(progress(args.seconds));
+        for answer in asked {
+            reports.push(answer.await.map_err(Failure::failed)?.map_err(failed)?);
+        }
+        progress.abort();
+        say("\r\x1b[K");
+    }
+    Ok(reports)
+}
+
+/// What the gateway finds wrong at present. Another version may not tell.
+async fn advice(socket: &Path) -> Vec<Value> {
+    let told = look(socket, "/api/v1/advice", PATIENCE)
+        .await
+        .unwrap_or_default();
+    told["advice"].as_array().cloned().unwrap_or_default()
+}
+
+/// What is wrong with the gateway itself: its broker, its journal, its socket.
+fn own_findings(advice: &[Value]) -> Vec<&Value> {
+    advice
+        .iter()
+        .filter(|finding| finding["line"].is_null() && finding["drive"].is_null())
+        .collect()
+}
+
+/// What the motors on the watched lines do that was not ordered. What their frames show is in the reports.
+fn of_motion<'a>(advice: &'a [Value], reports: &[Value]) -> Vec<&'a Value> {
+    let is_watched = |finding: &Value| {
+        reports
+            .iter()
+            .any(|report| report["line"] == finding["line"])
+    };
+    let is_of_motion = |finding: &Value| {
+        finding["sign"]
+            .as_str()
+            .is_some_and(|sign| OF_MOTION.iter().any(|it| it.word() == sign))
+    };
+    advice
+        .iter()
+        .filter(|finding| is_of_motion(finding) && is_watched(finding))
+        .collect()
+}
+
+async fn look(socket: &Path, path: &str, patience: Duration) -> Result<Value, String> {
+    match socket::ask(socket, Question::look(path), patience).await? {
+        (StatusCode::OK, answer) => Ok(answer),
+        (status, answer) => Err(answer["error"]
+            .as_str()
+            .map_or(format!("{path} answers {status}"), str::to_owned)),
+    }
+}
+
+/// Shows how much of the time has passed, until it is aborted.
+async fn progress(seconds: u64) {
+    let mut second = interval(Duration::from_secs(1));
+    for passed in 0..=seconds {
+        second.tick().await;
+        say(&bar(passed, seconds));
+    }
+}
+
+fn bar(passed: u64, seconds: u64) -> String {
+    let done = (passed * BAR_CELLS / seconds.max(1)) as usize;
+    format!(
+        "\r[{}{}] {passed} of {seconds} s",
+        "#".repeat(done),
+        ".".repeat(BAR_CELLS as usize - done)
+    )
+}
+
+/// For a user at a terminal, besides the report.
+fn say(text: &str) {
+    if stderr().is_terminal() {
+        log::complain(text.as_bytes());
+    }
+}
+
+fn findings(report: &Value) -> impl Iterator<Item = &Value> {
+    report["verdict"].as_array().into_iter().flatten()
+}
+
+/// `findings` below `title`; empty if there is none.
+fn section(title: &str, findings: &[&Value]) -> String {
+    let rows = findings.iter().map(|finding| finding_row(finding));
+    if findings.is_empty() {
+        String::new()
+    } else {
+        format!("\n{title}\n{}", rows.collect::<String>())
+    }
+}
+
+fn finding_row(finding: &Value) -> String {
+    let word = |key: &str| finding[key].as_str().unwrap_or("?");
+    let severity = word("severity");
+    let tone = match severity {
+        "good" => Tone::Good,
+        "problem" => Tone::Problem,
+        _ => Tone::Notice,
+    };
+    // The text of a report names its drive itself.
+    let drive = finding["drive"]
+        .as_str()
+        .filter(|drive| !word("text").starts_with(drive));
+    let drive = drive.map_or_else(String::new, |drive| format!("{drive}: "));
+    format!("  {}: {drive}{}\n", toned(tone, severity), word("text"))
+}
+
+/// The reports for people. Missing values are shown as `?` or `-`: another version may send less.
+fn text(reports: &[Value]) -> String {
+    reports.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+fn line(report: &Value) -> String {
+    fn word<'a>(of: &'a Value, key: &str) -> &'a str {
+        of[key].as_str().unwrap_or("?")
+    }
+    let rates = &report["rates"];
+    // A line over Modbus TCP has no speed and no characters.
+    let has_none = report.get("link").is_some_and(Value::is_null);
+    let link = if has_none {
+        String::new()
+    } else {
+        format!("{} on ", word(report, "link"))
+    };
+    let mut text = format!(
+        "line {} ({link}{}): {}, watched for {} s\n",
+        word(report, "line"),
+        word(report, "port"),
+        word(report, "state"),
+        number(&report["observed_s"])
+    );
+    let share = |key: &str| {
+        rates[key]
+            .as_f64()
+            .map_or("?".to_owned(), |share| format!("{:.2} %", share / 10.0))
+    };
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        text,
+        "  {} exchanges: {} good, {} silent, {} damaged; {} of frames that answer nothing",
+        number(&rates["exchanges"]),
+        share("good_per_mille"),
+        share("silent_per_mille"),
+        share("garbled_per_mille"),
+        share("stray_per_mille")
+    );
+    for (key, what) in [
+        ("noise_bytes", "bytes that made no frame"),
+        ("foreign", "frames of stations that were not asked"),
+        ("other_master", "requests of another master"),
+        ("echoes", "echoes of our own frames"),
+    ] {
+        if rates[key].as_u64().is_some_and(|count| count > 0) {
+            let _ = writeln!(text, "  {} {what}", rates[key]);
+        }
+    }
+    text.push_str(&drives(report));
+    text.extend(findings(report).map(finding_row));
+    text
+}
+
+/// The drives as a table.
+fn drives(report: &Value) -> String {
+    let all = || report["drives"].as_array().into_iter().flatten();
+    let counts = all().map(|drive| {
+        let cell = |key: &str| number(&drive[key]);
+        let words = [
+            drive["name"].as_str().unwrap_or("?"),
+            drive["presence"].as_str().unwrap_or("?"),
+        ];
+        let numbers = [
+            "station",
+            "exchanges",
+            "silent",
+            "damaged",
+            "late",
+            "doubled",
+        ]
+        .map(cell);
+        [&words.map(str::to_owned)[..], &numbers].concat()
+    });
+    let header = [
+        "drive",
+        "is",
+        "station",
+        "exchanges",
+        "silent",
+        "damaged",
+        "late",
+        "doubled",
+    ]
+    .map(str::to_owned);
+    let counts: Vec<_> = [header.to_vec()].into_iter().chain(counts).collect();
+    let mut text = table(&counts);
+    let times = all().flat_map(|drive| {
+        let replies = drive["replies"].as_array().into_iter().flatten();
+        replies.map(|reply| {
+            let cell = |key: &str| number(&reply[key]);
+            let words = [
+                drive["name"].as_str().unwrap_or("?"),
+                reply["class"].as_str().unwrap_or("?"),
+            ];
+            let keys = [
+                "count",
+                "p50_ms",
+                "p90_ms",
+                "p99_ms",
+                "p999_ms",
+                "max_ms",
+                "timeout_ms",
+                "suggested_timeout_ms",
+            ];
+            [
+                &words.map(|word| word.replace('_', " "))[..],
+                &keys.map(cell),
+            ]
+            .concat()
+        })
+    });
+    let header = [
+        "ms to a reply",
+        "to a",
+        "replies",
+        "50 %",
+        "90 %",
+        "99 %",
+        "99.9 %",
+        "longest",
+        "waited for",
+        "suggested",
+    ];
+    let times: Vec<_> = [header.map(str::to_owned).to_vec()]
+        .into_iter()
+        .chain(times)
+        .collect();
+    if times.len() > 1 {
+        text.push_str(&table(&times));
+    }
+    text
+}
+
+fn number(value: &Value) -> String {
+    match value {
+        Value::Number(number) => number.to_string(),
+        _ => "-".to_owned(),
+    }
+}
+
+/// `rows` with their columns under each other, the first two to the left and the rest, which are numbers, to the right.
+fn table(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<_> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells =
+            row.iter()
+                .zip(&widths)
+                .enumerate()
+                .map(|(column, (cell, width))| match column {
+                    0 | 1 => format!("{cell:<width$}"),
+                    _ => format!("{cell:>width$}"),
+                });
+        format!("  {}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
+    };
+    rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_is_reported_as_tables_with_what_to_do() {
+        let replies = json!([{ "class": "stored_write", "count": 7, "p50_ms": 4.25, "p90_ms": 5.0, "p99_ms": 6.0,
+            "p999_ms": 7.0, "max_ms": 9.0, "timeout_ms": 500.0, "suggested_timeout_ms": null }]);
+        let report = json!({ "line": "hall-1", "link": "9600 8N1", "port": "/dev/ttyUSB0", "state": "up", "observed_s": 30.0,
+            "rates": { "exchanges": 200, "good_per_mille": 985.0, "silent_per_mille": 5.0, "garbled_per_mille": 10.0,
+                "stray_per_mille": 0.0, "noise_bytes": 14, "foreign": 0, "other_master": 0, "echoes": 0 },
+            "drives": [{ "name": "pump-1", "presence": "online", "station": 1, "exchanges": 200, "silent": 1, "damaged": 2,
+                "late": 0, "doubled": 0, "replies": replies }],
+            "verdict": [{ "severity": "problem", "text": "pump-1: check termination" }] });
+        let right = "line hall-1 (9600 8N1 on /dev/ttyUSB0): up, watched for 30.0 s\n  \
+            200 exchanges: 98.50 % good, 0.50 % silent, 1.00 % damaged; 0.00 % of frames that answer nothing\n  \
+            14 bytes that made no frame\n  \
+            drive   is      station  exchanges  silent  damaged  late  doubled\n  \
+            pump-1  online        1        200       1        2     0        0\n  \
+            ms to a reply  to a          replies  50 %  90 %  99 %  99.9 %  longest  waited for  suggested\n  \
+            pump-1         stored write        7  4.25   5.0   6.0     7.0      9.0       500.0          -\n  \
+            problem: pump-1: check termination\n";
+        assert_eq!(text(&[report]), right);
+    }
+
+    #[test]
+    fn what_is_wrong_with_the_gateway_itself_follows_the_lines() {
+        let finding = json!({ "severity": "problem", "text": "the broker is not reached" });
+        let advice = [finding];
+        let own = own_findings(&advice);
+        assert_eq!(
+            section("gateway", &own),
+            "\ngateway\n  problem: the broker is not reached\n"
+        );
+        assert_eq!(section("gateway", &[]), "");
+    }
+
+    #[test]
+    fn what_the_motors_of_the_watched_lines_do_unordered_is_named() {
+        let finding = |line: &str, sign: &str| json!({ "severity": "problem", "sign": sign, "line": line, "drive": "pump-1", "text": "it turns" });
+        let signs = [
+            "may_still_run",
+            "failsafe",
+            "stopped_elsewhere",
+            "output_outside",
+            "tripped",
+        ];
+        let advice: Vec<_> = signs
+            .iter()
+            .flat_map(|sign| ["a", "b"].map(|line| finding(line, sign)))
+            .collect();
+        let found = of_motion(&advice, &[json!({ "line": "a" })]);
+        assert_eq!(
+            found
+                .iter()
+                .map(|it| it["sign"].as_str().unwrap())
+                .collect::<Vec<_>>(),
+            signs[..4]
+        );
+        assert_eq!(
+            section("drives", &found[..1]),
+            "\ndrives\n  problem: pump-1: it turns\n"
+        );
+    }
+
+    #[test]
+    fn what_another_version_does_not_say_is_not_made_up() {
+        let told = text(&[json!({})]);
+        assert!(
+            told.starts_with("line ? (? on ?): ?, watched for - s\n"),
+            "{told}"
+        );
+        let told = line(&json!({ "link": null, "port": "modbus-tcp://10.0.0.7:502" }));
+        assert!(
+            told.starts_with("line ? (modbus-tcp://10.0.0.7:502): "),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn the_bar_is_full_at_the_end() {
+        assert_eq!(bar(0, 30), format!("\r[{}] 0 of 30 s", ".".repeat(30)));
+        assert_eq!(bar(30, 30), format!("\r[{}] 30 of 30 s", "#".repeat(30)));
+        assert_eq!(
+            bar(1, 2),
+            format!("\r[{}{}] 1 of 2 s", "#".repeat(15), ".".repeat(15))
+        );
+    }
+}

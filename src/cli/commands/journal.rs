@@ -1,0 +1,165 @@
+//! `journal`: shows what the gateway has recorded, also while it runs.
+
+use crate::cli::tools::data_dir::DataDirArgs;
+use crate::cli::tools::{Failure, print};
+use crate::daemon::host::clock;
+use crate::daemon::journal::file_in;
+use crate::daemon::journal::listing::{COLUMNS, in_csv, in_json, in_words};
+use crate::daemon::journal::reader::{ReadRow, connect, salvage};
+use crate::daemon::journal::rescue::{Standing, standing};
+use crate::daemon::journal::search::{Merged, Since, Wanted};
+use crate::journal::Table;
+use rusqlite::ErrorCode;
+use std::collections::VecDeque;
+
+/// Rows that are shown if neither a number nor a start is given.
+const LAST_USUAL: usize = 100;
+/// Most rows that `--last` accepts: they are held in memory.
+const LAST_MAX: u64 = 1_000_000;
+
+/// Arguments of `journal`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// What is shown
+    #[arg(value_enum, default_value_t = Which::All)]
+    which: Which,
+    #[command(flatten)]
+    place: DataDirArgs,
+    /// Only rows about this drive
+    #[arg(long, value_name = "NAME")]
+    drive: Option<String>,
+    /// Only rows since a time in UTC, such as 2026-01-31 or 2026-01-31T08:00, or for a duration, such as 30min, 12h or 7d
+    #[arg(long, value_name = "WHEN", value_parser = Since::parse)]
+    since: Option<Since>,
+    /// At most this many rows, the newest; default: 100 without --since
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=LAST_MAX))]
+    last: Option<u64>,
+    /// Print one JSON object per row
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print CSV
+    #[arg(long)]
+    csv: bool,
+}
+
+/// Which rows are shown.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Which {
+    /// Trips, and when they cleared
+    Trips,
+    /// Commands and refusals, and what the gateway did on its own
+    Audit,
+    /// Drives, lines and the gateway going online and offline
+    Availability,
+    /// All of them
+    All,
+}
+
+/// Prints the rows, oldest first.
+pub fn journal(args: &Args) -> Result<(), Failure> {
+    let path = file_in(&args.place.path()?);
+    if !path.exists() {
+        return Err(Failure::failed(format!(
+            "{}: there is no journal",
+            path.display()
+        )));
+    }
+    let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
+    let damage = match standing(&path)
+        .map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?
+    {
+        Standing::New | Standing::Whole => None,
+        Standing::Empty => {
+            return Err(Failure::failed(format!(
+                "{}: the journal is empty",
+                path.display()
+            )));
+        }
+        Standing::Broken(what) => Some(what),
+    };
+    let mut lost: Vec<_> = damage.into_iter().collect();
+    let connection = match connect(&path) {
+        Ok(connection) if lost.is_empty() => connection,
+        Err(error) if lost.is_empty() && !is_damaged(&error) => return Err(failed(error)),
+        tried => {
+            lost.extend(tried.err().map(|error| error.to_string()));
+            salvage(&path).map_err(failed)?
+        }
+    };
+    if args.csv {
+        print(COLUMNS)?;
+    }
+    let last = args
+        .last
+        .map(|last| last as usize)
+        .or(args.since.is_none().then_some(LAST_USUAL));
+    let mut newest = VecDeque::new();
+    let wanted = args.wanted();
+    for found in Merged::new(&connection, wanted.tables) {
+        let found = match found {
+            Ok(found) => found,
+            Err(error) => {
+                // The other tables are still read: their intact rows are shown.
+                lost.push(error.to_string());
+                continue;
+            }
+        };
+        if !wanted.wants(&found.1) {
+            continue;
+        }
+        match last {
+            None => print(&args.shown(&found))?,
+            Some(last) => {
+                newest.push_back(found);
+                if newest.len() > last {
+                    newest.pop_front();
+                }
+            }
+        }
+    }
+    newest
+        .iter()
+        .try_for_each(|found| print(&args.shown(found)))?;
+    match lost.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::failed(format!(
+            "{}: the journal is damaged: {}; showing what could be read",
+            path.display(),
+            lost.join("; ")
+        ))),
+    }
+}
+
+fn is_damaged(error: &rusqlite::Error) -> bool {
+    matches!(
+        error.sqlite_error_code(),
+        Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+    )
+}
+
+impl Args {
+    fn wanted(&self) -> Wanted {
+        let tables: &[Table] = match self.which {
+            Which::Trips => &[Table::Event],
+            Which::Audit => &[Table::Audit],
+            Which::Availability => &[Table::Availability],
+            Which::All => &Table::ALL,
+        };
+        let since = self.since.map(|since| since.moment(clock::wall()));
+        Wanted {
+            tables,
+            drive: self.drive.clone(),
+            since,
+        }
+    }
+
+    fn shown(&self, (table, seen): &(Table, ReadRow)) -> String {
+        if self.json {
+            in_json(*table, seen, false).to_string() + "\n"
+        } else if self.csv {
+            in_csv(*table, seen)
+        } else {
+            in_words(*table, seen)
+        }
+    }
+}

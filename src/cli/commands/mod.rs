@@ -1,0 +1,32 @@
+//! The commands, one small file each. None uses another one: what several need is a tool.
+
+pub(super) mod broker;
+pub(super) mod capture;
+pub(super) mod certificate;
+pub(super) mod check;
+pub(super) mod completions;
+pub mod demo;
+pub(super) mod diagnose;
+pub(super) mod doctor;
+pub(super) mod enable;
+pub(super) mod health;
+pub(super) mod init;
+pub(super) mod journal;
+pub(super) mod man;
+pub(super) mod map;
+pub(super) mod models;
+pub(super) mod params;
+pub(super) mod password;
+pub(super) mod qualify;
+pub(super) mod read;
+pub(super) mod reload;
+pub(super) mod run;
+pub(super) mod scan;
+pub(super) mod simulate;
+pub(super) mod standby;
+pub(super) mod standstill;
+pub(super) mod usage;
+pub(super) mod verify;
+pub(super) mod watch;
+pub(super) mod watchdog;
+pub(super) mod write;

@@ -1,0 +1,319 @@
+//! `models`: the known drives, with sources and confidence.
+
+mod new_model;
+
+use crate::cli::tools::model_facts::{OrderWord, Unproven, orders, orders_text};
+use crate::cli::tools::own_models::ModelDirs;
+use crate::cli::tools::{Failure, input, print};
+use crate::profile::catalog::id_of;
+use crate::profile::model::{Document, Model, Register};
+use crate::profile::summary;
+use crate::profile::words::POLL_CLASSES;
+use crate::toml_file::words::{FRAMINGS, word_for};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Arguments of `models`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    own: ModelDirs,
+    #[command(subcommand)]
+    action: Option<Action>,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// List the models, built-in and your own (default)
+    List {
+        /// Only the models of this maker: a part of its name, or the beginning of the identifiers
+        #[arg(long, value_name = "MAKER")]
+        vendor: Option<String>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show a model with its registers, units, access, sources and confidence
+    Show {
+        /// Identifier, as `models list` shows it
+        model: String,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+        /// Print it as one complete model file, also one that begins from another model
+        #[arg(long, conflicts_with = "json")]
+        toml: bool,
+    },
+    /// Check a model file of your own: reports all problems at once, or lists unproven facts
+    Check {
+        /// The file
+        file: PathBuf,
+    },
+    /// Write a model file from your answers, from a drive that is read meanwhile, or from a device template; check and simulate it
+    New(Box<new_model::Args>),
+}
+
+/// Lists, shows or checks.
+pub fn models(args: &Args) -> Result<(), Failure> {
+    match &args.action {
+        None => list(&args.own, None, false),
+        Some(Action::List { vendor, json }) => list(&args.own, vendor.as_deref(), *json),
+        Some(Action::Show {
+            model, toml: true, ..
+        }) => print(&input::model_text(model, &args.own)?),
+        Some(Action::Show { model, json, .. }) => show(model, &args.own, *json),
+        Some(Action::Check { file }) => check_file(file, &args.own),
+        Some(Action::New(new)) => new_model::new(new, &args.own),
+    }
+}
+
+fn list(own: &ModelDirs, vendor: Option<&str>, as_json: bool) -> Result<(), Failure> {
+    let catalog = input::catalog_with(own)?;
+    let models = of_vendor(catalog.models(), vendor)?;
+    if as_json {
+        return print(&format!(
+            "{:#}\n",
+            Value::Array(models.iter().map(|model| in_short(model)).collect())
+        ));
+    }
+    let head = ["id", "model", "framings", "unproven", "can be ordered"].map(str::to_owned);
+    let rows = models.iter().map(|model| {
+        [
+            model.id.clone(),
+            format!("{} {}", model.vendor, model.title),
+            framings(model).join(", "),
+            Unproven::of(model).count().to_string(),
+            orders_text(&orders(model)),
+        ]
+    });
+    print(&table(
+        &std::iter::once(head).chain(rows).collect::<Vec<_>>(),
+    ))
+}
+
+/// The models whose maker is called `vendor`: by a part of the maker's name, or by the beginning of the identifier.
+fn of_vendor<'a>(
+    models: impl Iterator<Item = &'a Arc<Model>>,
+    vendor: Option<&str>,
+) -> Result<Vec<&'a Arc<Model>>, Failure> {
+    let all: Vec<_> = models.collect();
+    let Some(vendor) = vendor else { return Ok(all) };
+    let wished = vendor.trim().to_lowercase();
+    let id_begins = format!("{}-", wished.replace(' ', "-"));
+    let is_of = |model: &&&Arc<Model>| {
+        model.id.starts_with(&id_begins)
+            || (!wished.is_empty() && model.vendor.to_lowercase().contains(&wished))
+    };
+    let found: Vec<_> = all.iter().filter(is_of).copied().collect();
+    if found.is_empty() {
+        let makers: BTreeSet<_> = all.iter().map(|model| model.vendor.as_str()).collect();
+        let makers = makers.into_iter().collect::<Vec<_>>().join(", ");
+        return Err(Failure::wrong(format!(
+            "no model is of a maker {vendor}; there are models of {makers}"
+        )));
+    }
+    Ok(found)
+}
+
+fn show(id: &str, own: &ModelDirs, as_json: bool) -> Result<(), Failure> {
+    let model = input::model(id, own)?;
+    if as_json {
+        return print(&format!("{:#}\n", in_full(&model)));
+    }
+    print(&summary::summary(&model))
+}
+
+/// Reports the problems of the file at `path`, or what of it is unproven.
+fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
+    let mut files = input::own_models(own)?;
+    files
+        .read_file(path)
+        .map_err(|unread| Failure::wrong(unread.what))?;
+    let catalog = input::joined(&files)?;
+    let id = files
+        .files()
+        .find(|(other, _)| *other == path)
+        .and_then(|(_, text)| id_of(text));
+    let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else {
+        return Ok(());
+    };
+    let mut text = format!(
+        "{} is sound: {} registers\n",
+        model.id,
+        model.registers.len()
+    );
+    let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
+    let basics = model.unproven_basics();
+    if !basics.is_empty() {
+        text.push_str("a drive of it takes orders only with accept_unverified = [\"basic\"]\n");
+    }
+    for basic in basics {
+        let sources = if basic.also.is_some() {
+            "two independent sources"
+        } else {
+            "one source"
+        };
+        let _ = writeln!(
+            text,
+            "  {}: {}, {sources}",
+            basic.what,
+            basic.confidence.word()
+        );
+    }
+    text.push_str(&unproven_text(&model));
+    print(&text)
+}
+
+fn unproven_text(model: &Model) -> String {
+    let unproven = Unproven::of(model);
+    if unproven.count() == 0 {
+        return "Nothing is unproven\n".to_owned();
+    }
+    let mut text = "Unproven\n".to_owned();
+    for (confidence, names) in unproven.groups() {
+        let _ = writeln!(text, "  {}: {}", confidence.word(), names.join(", "));
+    }
+    text
+}
+
+fn framings(model: &Model) -> Vec<&'static str> {
+    model
+        .link
+        .framings
+        .value
+        .iter()
+        .map(|framing| word_for(&FRAMINGS, framing))
+        .collect()
+}
+
+fn in_short(model: &Model) -> Value {
+    let order =
+        |(word, confidence): &OrderWord| json!({ "order": word, "confidence": confidence.word() });
+    let orders = orders(model).unwrap_or_default();
+    json!({
+        "id": model.id,
+        "vendor": model.vendor,
+        "title": model.title,
+        "framings": framings(model),
+        "registers": model.registers.len(),
+        "unproven": Unproven::of(model).count(),
+        "orders": orders.iter().map(order).collect::<Vec<_>>(),
+    })
+}
+
+fn in_full(model: &Model) -> Value {
+    let mut value = in_short(model);
+    let unproven = Unproven::of(model);
+    let unproven = unproven
+        .groups()
+        .map(|(confidence, names)| (confidence.word().to_owned(), json!(names)));
+    value["unproven"] = Value::Object(unproven.collect());
+    let second = model
+        .second_sources
+        .iter()
+        .map(|it| (it.key.clone(), json!(it.source)));
+    value["second_sources"] = Value::Object(second.collect());
+    value["registers"] = model.registers.iter().map(of_register).collect();
+    value["documents"] = model
+        .documents
+        .iter()
+        .map(|document| of_document(document, model))
+        .collect();
+    value
+}
+
+fn of_document(document: &Document, model: &Model) -> Value {
+    json!({
+        "name": document.name,
+        "title": document.title,
+        "kind": document.kind.word(),
+        "of_this_model": document.is_of(&model.id),
+        "of": document.of,
+        "made_from": document.made_from,
+        "best": document.best(&model.id).word(),
+    })
+}
+
+fn of_register(register: &Register) -> Value {
+    json!({
+        "address": register.address.number(),
+        "table": register.address.table().word(),
+        "code": register.code,
+        "name": register.name,
+        "title": register.title,
+        "unit": register.unit.symbol(),
+        "scale": register.scale,
+        "words": register.form.words(),
+        "is_plain": register.form.is_plain(),
+        "signed": register.signed,
+        "access": register.access.word(),
+        "poll": register.poll.map(|poll| word_for(&POLL_CLASSES, &poll)),
+        "memory": register.memory.map(|memory| memory.word()),
+        "confidence": register.confidence.word(),
+        "source": register.source,
+        "not_stated": register.not_stated.iter().map(|part| part.word()).collect::<Vec<_>>(),
+    })
+}
+
+/// The rows with each column as wide as its widest cell.
+fn table<const N: usize>(rows: &[[String; N]]) -> String {
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: [usize; N] = std::array::from_fn(width);
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<_> = row
+            .iter()
+            .zip(widths)
+            .map(|(cell, width)| format!("{cell:width$}"))
+            .collect();
+        let _ = writeln!(text, "{}", cells.join("  ").trim_end());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vendors;
+
+    #[test]
+    fn a_maker_is_found_by_its_name_or_the_beginning_of_the_identifiers() {
+        let catalog = vendors::catalog();
+        let ids = |vendor| {
+            let found = of_vendor(catalog.models(), Some(vendor)).map_err(|why| why.to_string());
+            found.map(|found| {
+                found
+                    .iter()
+                    .map(|model| model.id.clone())
+                    .collect::<Vec<_>>()
+            })
+        };
+        assert_eq!(
+            ids("eaton").unwrap(),
+            ["eaton-dc1", "eaton-de1", "eaton-mmax"]
+        );
+        assert_eq!(
+            ids("Control Techniques").unwrap(),
+            ids("control-techniques").unwrap()
+        );
+        assert_eq!(ids(" EATON ").unwrap().len(), 3);
+        assert_eq!(
+            of_vendor(catalog.models(), None).unwrap().len(),
+            catalog.ids().count()
+        );
+        let told = ids("etaon").unwrap_err();
+        assert!(
+            told.contains("no model is of a maker etaon") && told.contains("Danfoss, Delta, Eaton"),
+            "{told}"
+        );
+        assert!(ids("").is_err());
+    }
+}

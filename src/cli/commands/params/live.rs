@@ -1,0 +1,334 @@
+//! The present parameters of a drive, requested from the gateway that serves it, over its socket.
+
+use super::file::{Dump, LeftOut, Parameter, Unreadable};
+use super::walk::{Tried, Walk};
+use crate::cli::tools::Failure;
+use crate::cli::tools::progress::Bar;
+use crate::cli::tools::setup::{outcome, unknown};
+use crate::cli::tools::socket::{Question, ask};
+use crate::daemon::host::clock;
+use crate::domain::calendar;
+use crate::domain::ids::Name;
+use axum::http::{Method, StatusCode};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Longest time for one request: longer than the gateway waits for a drive.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// How often a drive that counts as silent is asked whether it answers again, and how many times.
+const BACK_EVERY: Duration = Duration::from_millis(500);
+const BACK_WITHIN: usize = 20;
+
+/// A drive behind a gateway.
+#[derive(Clone, Debug)]
+pub struct Live {
+    /// The gateway's socket.
+    pub socket: PathBuf,
+    /// The drive's name there.
+    pub drive: Name,
+    /// Its station number, if known.
+    pub station: Option<u8>,
+}
+
+/// A parameter that the model of a drive knows.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ListedParameter {
+    /// The vendor's code.
+    pub code: String,
+    /// What it is.
+    pub title: String,
+    /// Its address on the wire.
+    pub address: u16,
+    /// What a tool may do with it, in the gateway's word.
+    pub kind: String,
+    /// Why it is never written, if so.
+    pub reason: Option<String>,
+    /// Whether writing it wears a memory.
+    pub is_stored: bool,
+}
+
+/// What the model of a drive knows.
+#[derive(Clone, Debug)]
+pub struct Catalogue {
+    /// The model.
+    pub model: String,
+    /// Whether anything may be written to this drive at all.
+    pub may_be_written: bool,
+    /// What follows the last parameter that is written; `None` if the drive needs nothing.
+    pub commit: Option<CommitNeed>,
+    /// Its parameters.
+    pub parameters: Vec<ListedParameter>,
+    /// The registers of the model that are not parameters.
+    pub left_out: Vec<LeftOut>,
+    /// The groups of the drive's parameters, where the model has a rule for them.
+    pub groups: Vec<UnknownOf>,
+}
+
+/// A word after which the drive takes over or stores its parameters.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CommitNeed {
+    /// Whether it stores them; otherwise they act only after it.
+    pub stores: bool,
+    /// Its register.
+    pub what: String,
+    /// The gateway sends it; otherwise it is unproven.
+    pub is_sent: bool,
+}
+
+/// The parameters of a group that the model does not describe: the drive may or may not have them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct UnknownOf {
+    /// The group.
+    pub group: String,
+    /// Their addresses, in order; at most 100.
+    pub addresses: Vec<u16>,
+}
+
+impl Catalogue {
+    /// Whether the drive may have a parameter at `address` that its model does not describe.
+    #[must_use]
+    pub fn may_have(&self, address: u16) -> bool {
+        self.groups
+            .iter()
+            .any(|group| group.addresses.contains(&address))
+    }
+}
+
+impl Live {
+    /// What the gateway knows of the drive's parameters. Causes no request to the drive.
+    ///
+    /// # Errors
+    /// There is no such drive, or no answer.
+    pub async fn catalogue(&self) -> Result<Catalogue, Failure> {
+        let list = self.ask(Question::look(&self.path(None))).await?;
+        let text = |value: &Value, key: &str| value[key].as_str().unwrap_or_default().to_owned();
+        let known = |one: &Value| {
+            Some(ListedParameter {
+                code: text(one, "code"),
+                title: text(one, "title"),
+                address: u16::try_from(one["address"].as_u64()?).ok()?,
+                kind: text(one, "kind"),
+                reason: one["reason"].as_str().map(str::to_owned),
+                is_stored: one["is_stored"] != false,
+            })
+        };
+        let all = |key: &str| list[key].as_array().into_iter().flatten();
+        let left_out = |one: &Value| LeftOut {
+            what: text(one, "code"),
+            reason: text(one, "reason"),
+        };
+        let address = |it: &Value| u16::try_from(it.as_u64()?).ok();
+        let group = |one: &Value| UnknownOf {
+            group: text(one, "name"),
+            addresses: one["unknown"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(address)
+                .collect(),
+        };
+        Ok(Catalogue {
+            model: text(&list, "model"),
+            may_be_written: list["may_be_written"] == true,
+            commit: list["commit"].is_object().then(|| CommitNeed {
+                stores: list["commit"]["does"] == "store",
+                what: text(&list["commit"], "what"),
+                is_sent: list["commit"]["is_sent"] == true,
+            }),
+            parameters: all("parameters").filter_map(known).collect(),
+            left_out: all("left_out").map(left_out).collect(),
+            groups: all("groups").map(group).collect(),
+        })
+    }
+
+    /// Reads one parameter; only the reason if the drive does not show it.
+    ///
+    /// # Errors
+    /// The gateway does not answer.
+    pub async fn read(
+        &self,
+        known: &ListedParameter,
+    ) -> Result<Result<Parameter, Unreadable>, Failure> {
+        let seen = self
+            .ask(Question::look(&self.path(Some(known.address))))
+            .await?;
+        Ok(Self::told(known, &seen))
+    }
+
+    /// Reads what the drive may have at `address`.
+    async fn try_at(&self, address: u16) -> Result<Tried, Failure> {
+        let seen = self.ask(Question::look(&self.path(Some(address)))).await?;
+        let code = seen["code"].as_str().unwrap_or_default().to_owned();
+        let known = ListedParameter {
+            code: code.clone(),
+            address,
+            ..ListedParameter::default()
+        };
+        Ok(
+            match (Self::told(&known, &seen), seen["exception"].is_u64()) {
+                (Ok(parameter), _) => Tried::Shown(parameter),
+                (Err(_), true) => Tried::Refused(code),
+                (Err(unreadable), false) => Tried::Silent(code, unreadable.reason),
+            },
+        )
+    }
+
+    /// Reads the parameters of `groups` that the drive has beyond its model into `dump`. `there` is a parameter that it
+    /// is known to answer: it is read after one was not answered, so that the drive does not count as silent.
+    ///
+    /// # Errors
+    /// The gateway does not answer.
+    pub async fn dump_groups(
+        &self,
+        groups: &[UnknownOf],
+        there: Option<&ListedParameter>,
+        dump: &mut Dump,
+    ) -> Result<(), Failure> {
+        let mut bar = Bar::new(groups.iter().map(|group| group.addresses.len()).sum());
+        let mut done = 0;
+        for group in groups {
+            let mut walk = Walk::default();
+            for (at, address) in group.addresses.iter().enumerate() {
+                bar.to(done + at, &group.group);
+                let tried = self.try_at(*address).await?;
+                if let (Tried::Silent(..), Some(there)) = (&tried, there) {
+                    self.wait_for(there).await?;
+                }
+                if !walk.goes_on_after(tried, dump) {
+                    break;
+                }
+            }
+            done += group.addresses.len();
+            walk.end(&group.group, dump);
+        }
+        bar.end();
+        dump.parameters.sort_by_key(|parameter| parameter.address);
+        Ok(())
+    }
+
+    /// Waits until the drive answers again, if it counts as silent.
+    async fn wait_for(&self, there: &ListedParameter) -> Result<(), Failure> {
+        for _ in 0..BACK_WITHIN {
+            if self.read(there).await?.is_ok() {
+                return Ok(());
+            }
+            tokio::time::sleep(BACK_EVERY).await;
+        }
+        Ok(())
+    }
+
+    fn told(known: &ListedParameter, seen: &Value) -> Result<Parameter, Unreadable> {
+        let found = &seen["found"];
+        let Some(raw) = found["raw"]
+            .as_u64()
+            .and_then(|raw| u32::try_from(raw).ok())
+        else {
+            let exception = seen["exception"]
+                .as_u64()
+                .map(|code| format!(" (exception {code:02X})"));
+            let reason = format!(
+                "{}{}",
+                seen["message"].as_str().unwrap_or("?"),
+                exception.unwrap_or_default()
+            );
+            return Err(Unreadable {
+                code: known.code.clone(),
+                address: known.address,
+                reason,
+            });
+        };
+        let text = found["text"].as_str().map(str::to_owned);
+        let code = known.code.clone();
+        let title = known.title.clone();
+        let address = known.address;
+        Ok(Parameter {
+            code,
+            address,
+            raw,
+            text,
+            title,
+        })
+    }
+
+    /// Reads all of `wanted`, showing the progress.
+    ///
+    /// # Errors
+    /// The gateway does not answer.
+    pub async fn dump(&self, model: &str, wanted: &[ListedParameter]) -> Result<Dump, Failure> {
+        let mut dump = Dump {
+            drive: self.drive.to_string(),
+            model: model.to_owned(),
+            station: self.station,
+            at: calendar::rfc3339(clock::wall()),
+            ..Dump::default()
+        };
+        let mut bar = Bar::new(wanted.len());
+        for (at, known) in wanted.iter().enumerate() {
+            bar.to(at, &known.code);
+            match self.read(known).await? {
+                Ok(parameter) => dump.parameters.push(parameter),
+                Err(unreadable) => dump.unreadable.push(unreadable),
+            }
+        }
+        bar.end();
+        Ok(dump)
+    }
+
+    /// Writes one parameter. `None` means that the drive holds it now; else why not.
+    ///
+    /// # Errors
+    /// The gateway does not answer: the outcome is unknown.
+    pub async fn write(&self, address: u16, raw: u32) -> Result<Option<String>, Failure> {
+        let path = self.path(Some(address));
+        let body = json!({ "raw": raw });
+        let done = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: Some(&body),
+            })
+            .await?;
+        Ok(if done["outcome"] == "confirmed" {
+            None
+        } else {
+            Some(outcome(&done))
+        })
+    }
+
+    /// Lets the drive take over or store what was written. `None` means that it has acknowledged that; else why not.
+    ///
+    /// # Errors
+    /// The gateway does not answer: the outcome is unknown.
+    pub async fn commit(&self) -> Result<Option<String>, Failure> {
+        let path = format!("{}/commit", self.path(None));
+        let done = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: None,
+            })
+            .await?;
+        let is_taken = done["outcome"] == "acknowledged" || done["outcome"] == "confirmed";
+        Ok(if is_taken { None } else { Some(outcome(&done)) })
+    }
+
+    fn path(&self, address: Option<u16>) -> String {
+        let of = format!("/api/v1/drives/{}/params", self.drive);
+        address.map_or(of.clone(), |address| format!("{of}/{address}"))
+    }
+
+    async fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+        let at = self.socket.display();
+        match ask(&self.socket, question, PATIENCE).await {
+            Ok((StatusCode::OK, answer)) => Ok(answer),
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(Failure::failed(format!(
+                "gateway at {at}: {}",
+                outcome(&answer)
+            ))),
+            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+        }
+    }
+}

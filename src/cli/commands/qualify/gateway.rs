@@ -1,0 +1,160 @@
+//! The running gateway as `qualify` asks it: over the socket in its data directory.
+
+use super::seen::{State, state_of};
+use crate::cli::tools::Failure;
+use crate::cli::tools::setup::{outcome, text, unknown};
+use crate::cli::tools::socket::{self, Question, SocketArgs};
+use crate::domain::ids::Name;
+use axum::http::{Method, StatusCode};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::time::Duration;
+use tokio::task::JoinHandle;
+use tokio::time::sleep;
+
+/// Longest time for one request: longer than the gateway waits for a drive.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// Shortest and longest time between two renewals of the lease.
+const RENEW: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
+/// How often the last stop is attempted, and the wait between.
+const STOP_TRIES: u32 = 5;
+const STOP_AGAIN: Duration = Duration::from_millis(200);
+
+/// One drive behind the gateway's socket.
+#[derive(Clone, Debug)]
+pub(super) struct Gateway {
+    path: String,
+    socket: PathBuf,
+}
+
+/// What became of an order.
+#[derive(Debug)]
+pub(super) enum Sent {
+    /// The drive acknowledged it.
+    Acknowledged,
+    /// It was refused before anything was sent, for this reason.
+    Refused(String),
+    /// The drive refused it, or did not answer.
+    Failed(String),
+}
+
+/// The lease of a motor that runs in a trial, renewed until this is dropped.
+#[derive(Debug)]
+pub(super) struct Held(JoinHandle<()>);
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+impl Gateway {
+    pub fn new(name: &str, place: &SocketArgs) -> Result<Self, Failure> {
+        let name = Name::new(name)
+            .ok_or_else(|| Failure::wrong(format!("`{name}` is not a valid drive name")))?;
+        Ok(Self {
+            path: format!("/api/v1/drives/{name}/qualify"),
+            socket: place.path()?,
+        })
+    }
+
+    /// Everything about the trials at this drive.
+    pub async fn look(&self) -> Result<Value, Failure> {
+        self.ask(Question::look(&self.path)).await
+    }
+
+    /// What the drive does.
+    pub async fn state(&self) -> Result<State, Failure> {
+        let path = format!("{}/state", self.path);
+        self.ask(Question::look(&path))
+            .await
+            .map(|answer| state_of(&answer))
+    }
+
+    /// Sends one order of a trial; one that runs names the epoch as it was last seen.
+    pub async fn order(&self, order: &str, epoch: Option<u64>) -> Result<Sent, Failure> {
+        let body = match epoch {
+            Some(epoch) => json!({ "order": order, "epoch": epoch }),
+            None => json!({ "order": order }),
+        };
+        let answer = self
+            .ask(Question {
+                method: Method::POST,
+                path: &self.path,
+                body: Some(&body),
+            })
+            .await?;
+        Ok(match text(&answer, "outcome") {
+            "acknowledged" | "confirmed" => Sent::Acknowledged,
+            "refused" | "expired" | "superseded" => Sent::Refused(outcome(&answer)),
+            _ => Sent::Failed(outcome(&answer)),
+        })
+    }
+
+    /// Has the gateway keep a result.
+    pub async fn keep(&self, action: &str, result: &str, by: &str) -> Result<(), Failure> {
+        let body = json!({ "action": action, "result": result, "by": by });
+        self.done("result", &body).await
+    }
+
+    /// Has the gateway forget all results of this drive.
+    pub async fn forget(&self, by: &str) -> Result<(), Failure> {
+        self.done("forget", &json!({ "by": by })).await
+    }
+
+    /// Renews the lease from now on, often enough for one that ends after `lost_after`.
+    pub fn hold(&self, lost_after: Duration) -> Held {
+        let gateway = self.clone();
+        let every = (lost_after / 4).clamp(RENEW.0, RENEW.1);
+        Held(tokio::spawn(async move {
+            loop {
+                sleep(every).await;
+                // If it fails, the lease ends, and the fail-safe action follows.
+                let _ = gateway.order("renew", None).await;
+            }
+        }))
+    }
+
+    /// Stops the motor, with some patience.
+    pub async fn stop_at_last(&self) -> Result<(), Failure> {
+        let mut last = Failure::failed("it was not tried");
+        for _ in 0..STOP_TRIES {
+            match self.order("stop", None).await {
+                Ok(Sent::Acknowledged) => return Ok(()),
+                Ok(Sent::Refused(why) | Sent::Failed(why)) => last = Failure::failed(why),
+                Err(failure) => last = failure,
+            }
+            sleep(STOP_AGAIN).await;
+        }
+        Err(last)
+    }
+
+    async fn done(&self, what: &str, body: &Value) -> Result<(), Failure> {
+        let path = format!("{}/{what}", self.path);
+        let answer = self
+            .ask(Question {
+                method: Method::POST,
+                path: &path,
+                body: Some(body),
+            })
+            .await?;
+        if answer["outcome"] == "confirmed" {
+            Ok(())
+        } else {
+            Err(Failure::failed(outcome(&answer)))
+        }
+    }
+
+    async fn ask(&self, question: Question<'_>) -> Result<Value, Failure> {
+        let at = self.socket.display();
+        match socket::ask(&self.socket, question, PATIENCE).await {
+            Ok((StatusCode::OK, answer)) => Ok(answer),
+            Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
+            Ok((_, answer)) => Err(Failure::failed(format!(
+                "gateway at {at}: {}",
+                outcome(&answer)
+            ))),
+            Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+        }
+    }
+}

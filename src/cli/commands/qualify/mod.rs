@@ -1,0 +1,190 @@
+//! `qualify`: leads a person in front of a drive through what its model leaves unproven, one order at a time, stop first.
+
+mod gateway;
+mod person;
+mod report;
+mod seen;
+mod session;
+mod told;
+
+use crate::cli::tools::setup::text;
+use crate::cli::tools::told_to_stop::told_to_stop;
+use crate::cli::tools::{Failure, print, socket};
+use gateway::Gateway;
+use person::Person;
+use serde_json::Value;
+use session::{End, Session};
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
+use std::pin::pin;
+
+/// Arguments of `qualify`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive, as in the gateway's configuration
+    drive: String,
+    #[command(flatten)]
+    place: socket::SocketArgs,
+    /// Show what is unproven and what was found, and send nothing
+    #[arg(long, conflicts_with_all = ["forget", "report"])]
+    list: bool,
+    /// Remove what was found at this drive
+    #[arg(long, conflicts_with = "report")]
+    forget: bool,
+    /// Write what was found to a file without names and addresses, which may be sent to the project
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Who makes the trials; the user of this shell by default
+    #[arg(long, value_name = "NAME")]
+    by: Option<String>,
+    /// Do not ask before --forget
+    #[arg(long, requires = "forget")]
+    yes: bool,
+}
+
+/// Makes the trials, or shows, forgets or reports what was found.
+pub fn qualify(args: &Args) -> Result<(), Failure> {
+    let gateway = Gateway::new(&args.drive, &args.place)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    runtime.block_on(async {
+        let look = gateway.look().await?;
+        if args.list {
+            return print(&told::list(&look));
+        }
+        if let Some(file) = &args.report {
+            return report::write(file, &look);
+        }
+        let by = by(args);
+        if args.forget {
+            return forget(args, &gateway, &by).await;
+        }
+        make(&gateway, &look, &by).await
+    })
+}
+
+async fn make(gateway: &Gateway, look: &Value, by: &str) -> Result<(), Failure> {
+    may_begin(look)?;
+    // Handled before the first frame, so that no signal leaves a running motor behind.
+    let mut told = pin!(told_to_stop().map_err(Failure::failed)?);
+    print(&told::beginning(look))?;
+    let mut session = Session::new(
+        gateway,
+        Person::listen().map_err(Failure::failed)?,
+        look,
+        by,
+    );
+    let ended = tokio::select! {
+        biased;
+        () = &mut told => Err(End::Interrupted),
+        ended = session.run() => ended,
+    };
+    // Whatever has happened: the last word is a stop. A second signal does not prevent it.
+    let stopped = if session.has_sent {
+        Some(gateway.stop_at_last().await)
+    } else {
+        None
+    };
+    print(&told::summary(&session.found))?;
+    if let Some(Err(failure)) = stopped {
+        return Err(Failure::failed(format!(
+            "NOT KNOWN TO BE STOPPED, use the hard-wired stop: {failure}"
+        )));
+    }
+    let is_against = session.found.iter().any(|found| found.is_contradicted());
+    match ended {
+        Ok(()) if is_against => Err(Failure::failed(
+            "something was contradicted; the motor is stopped",
+        )),
+        Ok(()) => print(
+            "what was confirmed counts after `vfd-gateway reload`, or the next start; then remove `qualify`\n",
+        ),
+        Err(End::Quit) => Err(Failure::failed("ended by you; the motor is stopped")),
+        Err(End::Interrupted) => Err(Failure::failed("interrupted; the motor is stopped")),
+        Err(End::NoInput) => Err(Failure::failed(
+            "nobody answers any more; the motor is stopped",
+        )),
+        Err(End::Failed(failure)) => Err(failure),
+    }
+}
+
+/// Whether trials make sense at this drive, and there is somebody to ask.
+fn may_begin(look: &Value) -> Result<(), Failure> {
+    let drive = text(look, "drive");
+    if look["actions"].as_array().is_none_or(Vec::is_empty) {
+        let model = text(look, "model");
+        return Err(Failure::wrong(format!(
+            "{drive}: everything that {model} can do is proven; there is nothing to try"
+        )));
+    }
+    if look["controlled"] != true {
+        return Err(Failure::wrong(format!(
+            "{drive} is read-only: trials need a control section with its limits"
+        )));
+    }
+    if look["qualify"] != true {
+        return Err(Failure::wrong(format!(
+            "{drive} is not open to trials: set `qualify = true` in its control section, then `vfd-gateway reload`"
+        )));
+    }
+    if let Some(why) = look["not_identified"].as_str() {
+        return Err(Failure::failed(format!(
+            "{drive}: its identity cannot be read: {why}"
+        )));
+    }
+    if !io::stdin().is_terminal() {
+        return Err(Failure::wrong(
+            "a person must answer at the keyboard, and stdin is no terminal: run it in one (`ssh -t`, `docker exec -it`)",
+        ));
+    }
+    Ok(())
+}
+
+async fn forget(args: &Args, gateway: &Gateway, by: &str) -> Result<(), Failure> {
+    if !args.yes {
+        if !io::stdin().is_terminal() {
+            return Err(Failure::wrong(
+                "nothing was forgotten: there is no terminal to ask on; add --yes",
+            ));
+        }
+        let mut person = Person::listen().map_err(Failure::failed)?;
+        let answer = person
+            .ask(&format!(
+                "forget all that was found at {}? [y/N] ",
+                args.drive
+            ))
+            .await?;
+        if !answer.is_some_and(|answer| person::is_yes(&answer)) {
+            return Err(Failure::failed("nothing was forgotten"));
+        }
+    }
+    gateway.forget(by).await?;
+    print(
+        "forgotten; what was in force stays so until `vfd-gateway reload` or the next start, for which the drive needs `qualify` \
+         or `accept_unverified`: see `check`\n",
+    )
+}
+
+/// Who is at the keyboard, as far as the shell knows.
+fn by(args: &Args) -> String {
+    let named = args.by.clone();
+    let shell = || {
+        ["SUDO_USER", "USER", "LOGNAME"]
+            .iter()
+            .find_map(|key| std::env::var(key).ok())
+    };
+    let name: String = named
+        .or_else(shell)
+        .unwrap_or_default()
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(64)
+        .collect();
+    if name.trim().is_empty() {
+        "unknown".to_owned()
+    } else {
+        name
+    }
+}

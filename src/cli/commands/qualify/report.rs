@@ -1,0 +1,73 @@
+//! The report that the owner of a drive may send to the project: what was found, and nothing that tells where.
+
+use super::told::actions;
+use crate::cli::tools::{Failure, print};
+use serde_json::{Value, json};
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+
+/// Writes the report of the drive in the document `look` to a new `file`.
+pub(super) fn write(file: &Path, look: &Value) -> Result<(), Failure> {
+    let told = |error: std::io::Error| Failure::failed(format!("{}: {error}", file.display()));
+    let mut new = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(file)
+        .map_err(told)?;
+    new.write_all(format!("{:#}\n", report(look)).as_bytes())
+        .and_then(|()| new.sync_all())
+        .map_err(told)?;
+    print(&format!(
+        "{}: written; read it before you send it\n",
+        file.display()
+    ))
+}
+
+/// Only what is named here goes into it: no name of a drive, line, host or person, no address and no time.
+fn report(look: &Value) -> Value {
+    let is_void = !look["void"].is_null();
+    let facts = actions(look).map(|it| {
+        let result = it["result"]
+            .as_str()
+            .filter(|_| !is_void)
+            .unwrap_or("not_tried");
+        json!({ "action": it["action"], "rests_on": it["rests_on"], "result": result })
+    });
+    json!({
+        "version": 1,
+        "program": look["version"],
+        "model": look["model"],
+        "model_digest": look["model_digest"],
+        "identity": look["identity"],
+        "firmware": look["firmware"],
+        "facts": facts.collect::<Vec<_>>(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_in_it_tells_where_or_who() {
+        let action = json!({
+            "action": "basic", "rests_on": ["stop (sibling)"], "result": "confirmed", "by": "SECRET", "at": "SECRET",
+            "counts": true,
+        });
+        let look = json!({
+            "drive": "SECRET", "line": "SECRET", "model": "acme-1", "model_digest": "07", "version": "1.2.3",
+            "identity": 9, "firmware": 102, "void": null, "actions": [action], "host": "SECRET",
+            "orders": { "stop": "SECRET" }, "state": { "presence": "SECRET" },
+        });
+        let told = report(&look);
+        assert!(!told.to_string().contains("SECRET"), "{told}");
+        assert_eq!(
+            (&told["model"], &told["facts"][0]["result"]),
+            (&json!("acme-1"), &json!("confirmed"))
+        );
+        let mut void = look;
+        void["void"] = json!("the model file has changed since");
+        assert_eq!(report(&void)["facts"][0]["result"], "not_tried");
+    }
+}

@@ -1,0 +1,504 @@
+//! The trials in their order: each is told, confirmed at the keyboard, sent, compared with what is read, and ends in a
+//! stop. Whatever is not as expected is answered by a stop at once.
+
+use super::gateway::{Gateway, Held, Sent};
+use super::person::{Person, is_skip, is_yes};
+use super::seen::{Compared, Expected, State, compare, said};
+use super::told;
+use crate::cli::tools::{Failure, print};
+use crate::config::qualified::Finding;
+use crate::daemon::host::clock;
+use serde_json::Value;
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// Time between two looks at the drive.
+const LOOK_EVERY: Duration = Duration::from_millis(150);
+/// Longest ramp up to the slow speed of a trial.
+const RUNS_WITHIN: Duration = Duration::from_secs(30);
+/// Longest ramp down, or coasting to rest.
+const RESTS_WITHIN: Duration = Duration::from_secs(120);
+
+/// Why the trials end early.
+#[derive(Debug)]
+pub(super) enum End {
+    /// The person does not want to go on.
+    Quit,
+    /// A signal.
+    Interrupted,
+    /// The keyboard is gone.
+    NoInput,
+    /// The gateway does not answer, or keeps no result.
+    Failed(Failure),
+}
+
+impl From<Failure> for End {
+    fn from(failure: Failure) -> Self {
+        Self::Failed(failure)
+    }
+}
+
+/// What came of one action.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// The action's word.
+    pub action: &'static str,
+    /// The result.
+    pub result: Finding,
+    /// Why, in words.
+    pub why: String,
+}
+
+impl Found {
+    /// Whether the drive did something else.
+    pub fn is_contradicted(&self) -> bool {
+        self.result == Finding::Contradicted
+    }
+}
+
+/// What came of one step.
+type Step = (Finding, String);
+
+/// A step that went as expected.
+fn confirmed() -> Step {
+    (Finding::Confirmed, String::new())
+}
+
+/// The trials at one drive.
+pub(super) struct Session<'a> {
+    gateway: &'a Gateway,
+    person: Person,
+    look: &'a Value,
+    by: &'a str,
+    /// The results so far.
+    pub found: Vec<Found>,
+    /// Whether anything was sent, so that a stop has to be the last word.
+    pub has_sent: bool,
+}
+
+impl<'a> Session<'a> {
+    pub const fn new(gateway: &'a Gateway, person: Person, look: &'a Value, by: &'a str) -> Self {
+        Self {
+            gateway,
+            person,
+            look,
+            by,
+            found: Vec::new(),
+            has_sent: false,
+        }
+    }
+
+    /// Makes all trials.
+    pub async fn run(&mut self) -> Result<(), End> {
+        let state = self.gateway.state().await?;
+        if !matches!(state.run_state.as_str(), "stopped" | "tripped") {
+            let what = format!(
+                "the motor must stand still before the trials: {}",
+                said(&state)
+            );
+            return Err(End::Failed(Failure::failed(what)));
+        }
+        // A trip is reset first: nothing else can be tried before.
+        let is_tripped = state.tripped == Some(true);
+        let at_rest = self.stop_at_rest().await?;
+        if at_rest.0 != Finding::Confirmed {
+            return self.keep("basic", at_rest).await;
+        }
+        if self.is_unproven("reset") && is_tripped && self.is_basic_sure() {
+            self.reset().await?;
+        }
+        if self.is_unproven("basic") && !self.basic().await? {
+            return Ok(());
+        }
+        if self.is_unproven("reverse") {
+            self.reverse().await?;
+        }
+        if self.is_unproven("coast") {
+            self.coast().await?;
+        }
+        if self.is_unproven("reset") && !self.has("reset") {
+            self.reset_if_tripped().await?;
+        }
+        if self.is_unproven("release") {
+            self.release().await?;
+        }
+        Ok(())
+    }
+
+    fn is_unproven(&self, action: &str) -> bool {
+        told::actions(self.look).any(|it| it["action"] == action)
+    }
+
+    /// Whether stop, forward and the setpoint are proven or accepted already.
+    fn is_basic_sure(&self) -> bool {
+        told::actions(self.look).all(|it| it["action"] != "basic" || it["in_force"] == true)
+    }
+
+    fn has(&self, action: &str) -> bool {
+        self.found.iter().any(|it| it.action == action)
+    }
+
+    fn setpoint(&self) -> f64 {
+        self.look["setpoint_hz"].as_f64().unwrap_or_default()
+    }
+
+    async fn stop_at_rest(&mut self) -> Result<Step, End> {
+        if !self
+            .agrees(
+                "1. stop, at standstill",
+                &["stop"],
+                "acknowledged, and nothing moves",
+            )
+            .await?
+        {
+            return Ok(skipped());
+        }
+        let seen = self
+            .order("stop", Expected::StaysAtRest, RUNS_WITHIN)
+            .await?;
+        self.asked(
+            seen,
+            "does the motor stand still, and does the panel show no new fault?",
+            None,
+        )
+        .await
+    }
+
+    /// Forward, then the stop of a motor that runs. Returns whether both are confirmed.
+    async fn basic(&mut self) -> Result<bool, End> {
+        if self.look["may_go_forward"] == false {
+            let why = "`directions` does not allow forward".to_owned();
+            self.keep("basic", (Finding::Skipped, why)).await?;
+            return Ok(false);
+        }
+        let hertz = self.setpoint();
+        let expected = format!("the motor turns forward, at about {hertz:.2} Hz");
+        if !self
+            .agrees(
+                "2. forward, as slowly as permitted",
+                &["forward"],
+                &expected,
+            )
+            .await?
+        {
+            self.keep("basic", skipped()).await?;
+            return Ok(false);
+        }
+        let held = self.hold();
+        let ran = self
+            .runs(
+                "forward",
+                "does the panel show forward, at about that frequency?",
+            )
+            .await?;
+        if ran.0 != Finding::Confirmed {
+            self.keep("basic", ran).await?;
+            return Ok(false);
+        }
+        let goes_on = self
+            .agrees(
+                "3. stop, while it runs",
+                &["stop"],
+                "the motor comes to rest along its ramp",
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
+        drop(held);
+        let stopped = match (goes_on, seen) {
+            (true, seen) => {
+                self.asked(seen, "has the motor come to rest?", None)
+                    .await?
+            }
+            (false, Ok(())) => skipped(),
+            (false, Err(step)) => step,
+        };
+        let is_confirmed = stopped.0 == Finding::Confirmed;
+        self.keep("basic", stopped).await?;
+        Ok(is_confirmed)
+    }
+
+    async fn reverse(&mut self) -> Result<(), End> {
+        if self.look["may_reverse"] != true {
+            let why = "`directions` does not allow reverse".to_owned();
+            return self.keep("reverse", (Finding::Skipped, why)).await;
+        }
+        let expected = format!(
+            "the motor turns in reverse, at about {:.2} Hz, until the stop after it",
+            self.setpoint()
+        );
+        if !self.agrees("reverse", &["reverse"], &expected).await? {
+            return self.keep("reverse", skipped()).await;
+        }
+        let held = self.hold();
+        let ran = self
+            .runs(
+                "reverse",
+                "does the panel show reverse, and does the motor turn the other way?",
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
+        drop(held);
+        self.keep("reverse", both(ran, seen)).await
+    }
+
+    async fn coast(&mut self) -> Result<(), End> {
+        if self.look["orders"]["coast"].is_null() || self.look["may_go_forward"] == false {
+            return self.keep("coast", skipped()).await;
+        }
+        let expected = "the motor turns forward; then its output is off at once, and it comes to rest by itself";
+        if !self
+            .agrees("coast, out of a slow run", &["forward", "coast"], expected)
+            .await?
+        {
+            return self.keep("coast", skipped()).await;
+        }
+        let held = self.hold();
+        let direction = Expected::Runs("forward", self.setpoint());
+        let ran = self.order("forward", direction, RUNS_WITHIN).await?;
+        let step = match ran {
+            Err(step) => step,
+            Ok(()) => {
+                let seen = self
+                    .order("coast", Expected::ComesToRest, RESTS_WITHIN)
+                    .await?;
+                drop(held);
+                self.asked(seen, "was the output off at once, without a ramp?", None)
+                    .await?
+            }
+        };
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
+        self.keep("coast", both(step, seen)).await
+    }
+
+    async fn reset_if_tripped(&mut self) -> Result<(), End> {
+        if self.gateway.state().await?.tripped == Some(true) {
+            return self.reset().await;
+        }
+        self.keep(
+            "reset",
+            (Finding::Skipped, "the drive is not tripped".to_owned()),
+        )
+        .await
+    }
+
+    async fn reset(&mut self) -> Result<(), End> {
+        if !self
+            .agrees(
+                "reset of the trip",
+                &["reset"],
+                "the trip is gone, and nothing moves",
+            )
+            .await?
+        {
+            return self.keep("reset", skipped()).await;
+        }
+        let seen = self
+            .order("reset", Expected::TripIsGone, RUNS_WITHIN)
+            .await?;
+        let step = self
+            .asked(
+                seen,
+                "has the panel left the fault, and does the motor stand still?",
+                None,
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
+        self.keep("reset", both(step, seen)).await
+    }
+
+    async fn release(&mut self) -> Result<(), End> {
+        if self.look["may_release"] != true {
+            return self
+                .keep(
+                    "release",
+                    (Finding::Skipped, "`allow_release` is not true".to_owned()),
+                )
+                .await;
+        }
+        let expected =
+            "the drive obeys its panel or terminals; A CLOSED TERMINAL MAY START THE MOTOR";
+        if !self.agrees("release", &["release"], expected).await? {
+            return self.keep("release", skipped()).await;
+        }
+        let seen = self
+            .order("release", Expected::ObeysPanel, RUNS_WITHIN)
+            .await?;
+        let step = self
+            .asked(
+                seen,
+                "does the drive obey its panel or terminals again?",
+                None,
+            )
+            .await?;
+        let seen = self
+            .order("stop", Expected::ComesToRest, RESTS_WITHIN)
+            .await?;
+        self.keep("release", both(step, seen)).await
+    }
+
+    /// Tells a trial, and asks whether to send it. `false`: it is left out.
+    async fn agrees(&mut self, title: &str, orders: &[&str], expected: &str) -> Result<bool, End> {
+        print(&told::trial(self.look, title, orders, expected))?;
+        match self.person.ask("send it? [y/N/skip] ").await? {
+            None => Err(End::NoInput),
+            Some(answer) if is_yes(&answer) => Ok(true),
+            Some(answer) if is_skip(&answer) => Ok(false),
+            Some(_) => Err(End::Quit),
+        }
+    }
+
+    /// Runs the motor, and asks what the panel shows while it is watched. It runs on if all is as expected.
+    async fn runs(&mut self, direction: &'static str, question: &str) -> Result<Step, End> {
+        let expected = Expected::Runs(direction, self.setpoint());
+        let seen = self.order(direction, expected, RUNS_WITHIN).await?;
+        self.asked(seen, question, Some(expected)).await
+    }
+
+    /// Sends an order, and waits until the drive shows what is expected. Anything else is answered by a stop at once.
+    async fn order(
+        &mut self,
+        order: &str,
+        expected: Expected,
+        within: Duration,
+    ) -> Result<Result<(), Step>, End> {
+        let epoch = match expected {
+            Expected::Runs(..) => self.gateway.state().await?.epoch,
+            _ => None,
+        };
+        self.has_sent = true;
+        let sent = clock::now();
+        match self.gateway.order(order, epoch).await? {
+            Sent::Acknowledged => {}
+            Sent::Refused(why) => {
+                return Ok(Err((
+                    Finding::Skipped,
+                    format!("{order} was not sent: {why}"),
+                )));
+            }
+            Sent::Failed(why) => return self.against(format!("{order}: {why}")).await.map(Err),
+        }
+        loop {
+            let state = self.gateway.state().await?;
+            match compare(expected, &state, clock::now().since(sent)) {
+                Compared::Seen => {
+                    print(&format!("  read:     {}\n", said(&state)))?;
+                    return Ok(Ok(()));
+                }
+                Compared::Against(why) => return self.against(why).await.map(Err),
+                Compared::NotYet if clock::now().since(sent) > within => {
+                    return self.late(&state, within).await.map(Err);
+                }
+                Compared::NotYet => sleep(LOOK_EVERY).await,
+            }
+        }
+    }
+
+    async fn late(&mut self, state: &State, within: Duration) -> Result<Step, End> {
+        self.against(format!(
+            "not seen within {} s: {}",
+            within.as_secs(),
+            said(state)
+        ))
+        .await
+    }
+
+    /// Stops the motor at once.
+    async fn against(&mut self, why: String) -> Result<Step, End> {
+        self.gateway.stop_at_last().await?;
+        print(&format!("  NOT AS EXPECTED, a stop was sent: {why}\n"))?;
+        Ok((Finding::Contradicted, why))
+    }
+
+    /// Asks what the panel shows, if the drive itself showed what was expected. Meanwhile it must go on to show `stays`.
+    async fn asked(
+        &mut self,
+        seen: Result<(), Step>,
+        question: &str,
+        stays: Option<Expected>,
+    ) -> Result<Step, End> {
+        if let Err(step) = seen {
+            return Ok(step);
+        }
+        let question = format!("  {question} [y/N/skip] ");
+        let gateway = self.gateway;
+        let answer = tokio::select! {
+            answer = self.person.ask(&question) => answer?,
+            why = leaves(gateway, stays) => {
+                print("\n")?;
+                return self.against(why?).await;
+            }
+        };
+        match answer {
+            None => Err(End::NoInput),
+            Some(answer) if is_yes(&answer) => Ok(confirmed()),
+            Some(answer) if is_skip(&answer) => {
+                self.gateway.stop_at_last().await?;
+                Ok(skipped())
+            }
+            Some(_) => self.against("you saw something else".to_owned()).await,
+        }
+    }
+
+    /// Renews the lease of a motor that is about to run.
+    fn hold(&self) -> Held {
+        self.gateway.hold(Duration::from_millis(
+            self.look["lost_after_ms"].as_u64().unwrap_or_default(),
+        ))
+    }
+
+    /// Has the gateway keep what came of `action`.
+    async fn keep(&mut self, action: &'static str, (result, why): Step) -> Result<(), End> {
+        if !self.is_unproven(action) {
+            return Ok(());
+        }
+        print(&format!("  {action}: {}\n", result.word()))?;
+        self.found.push(Found {
+            action,
+            result,
+            why,
+        });
+        Ok(self.gateway.keep(action, result.word(), self.by).await?)
+    }
+}
+
+/// Waits until the drive no longer shows what it should go on to show; for ever, if that is nothing.
+async fn leaves(gateway: &Gateway, stays: Option<Expected>) -> Result<String, End> {
+    let Some(expected) = stays else {
+        return std::future::pending().await;
+    };
+    loop {
+        sleep(LOOK_EVERY).await;
+        let state = gateway.state().await?;
+        // It was seen before, so every reading is one of this run.
+        match compare(expected, &state, Duration::MAX) {
+            Compared::Seen => {}
+            Compared::Against(why) => return Ok(why),
+            Compared::NotYet => {
+                return Ok(format!(
+                    "the drive does not go on as ordered: {}",
+                    said(&state)
+                ));
+            }
+        }
+    }
+}
+
+fn skipped() -> Step {
+    (Finding::Skipped, "left out".to_owned())
+}
+
+/// A trial and the stop after it: the stop that fails counts more than the trial.
+fn both(step: Step, stop: Result<(), Step>) -> Step {
+    match stop {
+        Err(stop) if stop.0 == Finding::Contradicted || step.0 == Finding::Confirmed => stop,
+        _ => step,
+    }
+}

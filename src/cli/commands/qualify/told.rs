@@ -1,0 +1,196 @@
+//! The texts of `qualify` for people: the list, the beginning, an order before it is sent, and the summary.
+
+use super::session::Found;
+use crate::cli::tools::setup::{table, text};
+use serde_json::Value;
+use std::fmt::Write;
+
+/// The actions to try in the document of a drive.
+pub(super) fn actions(look: &Value) -> impl Iterator<Item = &Value> {
+    look["actions"].as_array().into_iter().flatten()
+}
+
+/// What is to be tried at a drive and what was found.
+pub(super) fn list(look: &Value) -> String {
+    let mut said = format!(
+        "drive {} ({} on {})\n",
+        text(look, "drive"),
+        text(look, "model"),
+        text(look, "line")
+    );
+    let rows = actions(look).map(|it| {
+        let rests_on: Vec<_> = it["rests_on"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
+        [
+            text(it, "action").to_owned(),
+            rests_on.join(", "),
+            standing(it),
+        ]
+    });
+    let rows: Vec<_> = rows.collect();
+    if rows.is_empty() {
+        said.push_str("  nothing is to be tried\n");
+    }
+    said.push_str(&table(rows.into_iter()));
+    if let Some(why) = look["void"].as_str() {
+        let _ = writeln!(said, "what was found no longer counts: {why}");
+    }
+    if let Some(why) = look["damaged"].as_str() {
+        let _ = writeln!(said, "the file of qualified drives cannot be used: {why}");
+    }
+    if look["qualify"] == true {
+        said.push_str("it is open to trials (`qualify = true`)\n");
+    }
+    said
+}
+
+/// What stands with one action.
+fn standing(action: &Value) -> String {
+    let found = match action["result"].as_str() {
+        None => "not tried".to_owned(),
+        Some(result) => format!("{result} by {}, {}", text(action, "by"), text(action, "at")),
+    };
+    let counts = match (action["listed"] == true, action["in_force"] == true) {
+        _ if action["proven"] == true => "; proven, as the model file says",
+        (true, _) => "; listed in accept_unverified",
+        (false, true) => "; accepted for this drive (site)",
+        (false, false) if action["result"] == "confirmed" && action["counts"] == true => {
+            "; counts after a reload"
+        }
+        (false, false) => "; refused",
+    };
+    format!("{found}{counts}")
+}
+
+/// What a person must know before the first order.
+pub(super) fn beginning(look: &Value) -> String {
+    let setpoint = look["setpoint_hz"].as_f64().unwrap_or_default();
+    format!(
+        "Trials at drive {drive} ({model} on {line}).\n\
+         The motor will turn at {setpoint:.2} Hz. It must be uncoupled or free to turn, with nobody near it, and your hand at\n\
+         the hard-wired stop. This program is no safety function. Ctrl-C sends a STOP; if this program dies, the drive\n\
+         gets `{lost}` after {after:.1} s.\n\
+         y sends an order, skip leaves it out, anything else ends the trials.\n",
+        drive = text(look, "drive"),
+        model = text(look, "model"),
+        line = text(look, "line"),
+        lost = text(look, "on_commander_lost"),
+        after = look["lost_after_ms"].as_f64().unwrap_or_default() / 1000.0,
+    )
+}
+
+/// One trial before it begins: what is sent, and what should be seen.
+pub(super) fn trial(look: &Value, title: &str, orders: &[&str], expected: &str) -> String {
+    let mut said = format!("\n{title}\n");
+    for order in orders {
+        for frame in look["orders"][order].as_array().into_iter().flatten() {
+            let words = frame["words"].as_array().into_iter().flatten();
+            let words: Vec<_> = words
+                .map(|it| format!("{} = {}", text(it, "register"), it["word"]))
+                .collect();
+            let _ = writeln!(
+                said,
+                "  sent:     {} ({order}), frame {}",
+                words.join(", "),
+                text(frame, "frame")
+            );
+        }
+    }
+    let _ = writeln!(said, "  expected: {expected}");
+    said
+}
+
+/// What came of all of it.
+pub(super) fn summary(found: &[Found]) -> String {
+    let rows = found.iter().map(|it| {
+        [
+            it.action.to_owned(),
+            it.result.word().to_owned(),
+            it.why.clone(),
+        ]
+    });
+    if found.is_empty() {
+        "\nnothing was tried\n".to_owned()
+    } else {
+        format!("\n{}", table(rows))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::qualified::Finding;
+    use serde_json::json;
+
+    #[test]
+    fn an_order_is_reported_with_register_word_and_frame() {
+        let frame = json!({ "words": [{ "register": "0x2501", "word": 0 }], "frame": "01 06 25 01 00 00 D2 C6" });
+        let look = json!({ "orders": { "stop": [frame] } });
+        let said = trial(&look, "stop", &["stop"], "nothing moves");
+        assert_eq!(
+            said,
+            "\nstop\n  sent:     0x2501 = 0 (stop), frame 01 06 25 01 00 00 D2 C6\n  expected: nothing moves\n"
+        );
+    }
+
+    #[test]
+    fn the_list_says_what_counts() {
+        let action = |more: Value| {
+            let mut action = json!({ "action": "basic", "rests_on": ["stop (sibling)"], "by": "anna", "at": "t" });
+            for (key, value) in more.as_object().unwrap() {
+                action[key] = value.clone();
+            }
+            list(
+                &json!({ "drive": "d", "model": "m", "line": "l", "actions": [action], "void": "it changed" }),
+            )
+        };
+        for (more, expected) in [
+            (json!({}), "not tried; refused"),
+            (
+                json!({ "listed": true, "in_force": true }),
+                "not tried; listed in accept_unverified",
+            ),
+            (
+                json!({ "proven": true, "in_force": true }),
+                "not tried; proven, as the model file says",
+            ),
+            (
+                json!({ "result": "confirmed", "in_force": true }),
+                "confirmed by anna, t; accepted for this drive (site)",
+            ),
+            (
+                json!({ "result": "confirmed", "counts": true }),
+                "confirmed by anna, t; counts after a reload",
+            ),
+            (
+                json!({ "result": "contradicted", "counts": true }),
+                "contradicted by anna, t; refused",
+            ),
+        ] {
+            let said = action(more);
+            assert!(
+                said.contains(&format!("basic  stop (sibling)  {expected}\n")),
+                "{said}"
+            );
+            assert!(said.contains("no longer counts: it changed"), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_summary_names_each_result() {
+        let found = [Found {
+            action: "basic",
+            result: Finding::Contradicted,
+            why: "the motor moves".to_owned(),
+        }];
+        assert_eq!(
+            summary(&found),
+            "\n  basic  contradicted  the motor moves\n"
+        );
+        assert_eq!(summary(&[]), "\nnothing was tried\n");
+    }
+}

@@ -1,0 +1,278 @@
+//! `standby`: shows the role of this gateway on each line that it shares with another one, or gives lines to that one.
+
+use crate::cli::tools::socket::{self, Question, SocketArgs};
+use crate::cli::tools::{Failure, Tone, print, toned};
+use axum::http::{Method, StatusCode};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// Longest time for an answer about the present.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest time for a hand-over: a line may be silent for ten minutes before it is taken over, and then be taken back.
+const HAND_OVER_PATIENCE: Duration = Duration::from_secs(25 * 60);
+
+/// Arguments of `standby`.
+#[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Args {
+    #[command(subcommand)]
+    action: Option<Action>,
+    #[command(flatten)]
+    look: LookArgs,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Show the role of this gateway on each line; `standby` alone does the same
+    Status(LookArgs),
+    /// Give lines to the other gateway, and wait until that one is heard
+    ///
+    /// If no other gateway takes a line over, this one takes it back by itself, as after the loss of the other one: with
+    /// `on_gateway_lost`.
+    Yield(YieldArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct LookArgs {
+    #[command(flatten)]
+    place: SocketArgs,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct YieldArgs {
+    /// Name of the line; default: all lines on which this gateway sends
+    line: Option<String>,
+    #[command(flatten)]
+    place: SocketArgs,
+    /// Print the answer as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints a row for each line, or hands lines over.
+pub fn standby(args: &Args) -> Result<(), Failure> {
+    match &args.action {
+        None => status(&args.look),
+        Some(Action::Status(look)) => status(look),
+        Some(Action::Yield(args)) => hand_over(args),
+    }
+}
+
+fn ask(
+    place: &SocketArgs,
+    question: Question<'_>,
+    patience: Duration,
+) -> Result<(StatusCode, Value), Failure> {
+    let socket = place.path()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    let answer = runtime.block_on(socket::ask(&socket, question, patience));
+    answer.map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
+}
+
+fn status(args: &LookArgs) -> Result<(), Failure> {
+    let (status, health) = ask(&args.place, Question::look("/api/v1/health"), PATIENCE)?;
+    if status != StatusCode::OK {
+        return Err(Failure::failed(format!("the gateway answers {status}")));
+    }
+    let lines = health["lines"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
+    if args.json {
+        let lines: Vec<_> = lines
+            .iter()
+            .map(|line| json!({ "name": line["name"], "state": line["state"], "standby": line["standby"] }))
+            .collect();
+        return print(&format!("{}\n", json!({ "lines": lines })));
+    }
+    print(&lines.iter().map(row).collect::<String>())
+}
+
+/// One line for people.
+fn row(line: &Value) -> String {
+    let name = line["name"].as_str().unwrap_or("?");
+    let standby = &line["standby"];
+    if standby.is_null() {
+        return format!("line {name}: no second gateway\n");
+    }
+    let word = |key: &str| standby[key].as_str().unwrap_or("?");
+    let count = |key: &str| standby[key].as_u64().unwrap_or_default();
+    let partner = word("partner");
+    let listens = match standby["listener"].as_bool() {
+        Some(true) => format!("{partner} would take over"),
+        Some(false) => toned(Tone::Problem, &format!("{partner} does not answer")),
+        None => format!("whether {partner} would take over is not known yet"),
+    };
+    let state = match (
+        word("role"),
+        standby["hears_other"] == true,
+        line["state"] == "up",
+    ) {
+        (_, _, false) => format!(
+            "{}; nothing can be heard",
+            toned(Tone::Problem, "the port cannot be used")
+        ),
+        ("active", true, _) => format!(
+            "active; {}",
+            toned(Tone::Problem, "another master is heard")
+        ),
+        ("active", false, _) => format!("{}; {listens}", toned(Tone::Good, "active")),
+        ("listening", true, _) => format!("{}; {partner} sends", toned(Tone::Good, "listening")),
+        ("listening", false, _) => format!(
+            "listening; {}",
+            toned(Tone::Notice, "no other gateway is heard")
+        ),
+        (role, ..) => role.to_owned(),
+    };
+    format!(
+        "line {name}: {} is {state}; taken over {}, given up {}, rivals {}\n",
+        word("half"),
+        count("take_overs"),
+        count("given_up"),
+        count("rivals")
+    )
+}
+
+fn hand_over(args: &YieldArgs) -> Result<(), Failure> {
+    let body = args
+        .line
+        .as_ref()
+        .map_or(Value::Null, |line| json!({ "line": line }));
+    let question = Question {
+        method: Method::POST,
+        path: "/api/v1/standby/yield",
+        body: Some(&body),
+    };
+    let (status, answer) = ask(&args.place, question, HAND_OVER_PATIENCE)?;
+    if args.json {
+        print(&format!("{answer}\n"))?;
+    } else if status == StatusCode::OK || status == StatusCode::CONFLICT {
+        print(&told(&answer))?;
+    }
+    match status {
+        StatusCode::OK => Ok(()),
+        StatusCode::CONFLICT => Err(Failure::failed("not all lines were handed over")),
+        StatusCode::NOT_FOUND => Err(Failure::wrong(format!(
+            "{}; {}",
+            error(&answer),
+            known(&answer)
+        ))),
+        status => Err(Failure::failed(format!(
+            "the gateway answers {status}: {}",
+            error(&answer)
+        ))),
+    }
+}
+
+fn error(answer: &Value) -> &str {
+    answer["error"].as_str().unwrap_or("?")
+}
+
+fn known(answer: &Value) -> String {
+    let lines: Vec<_> = answer["lines"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    format!("the lines are {}", lines.join(", "))
+}
+
+/// What came of each line, for people.
+fn told(answer: &Value) -> String {
+    let lines = answer["lines"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
+    if lines.is_empty() {
+        return "no line has a second gateway: there is nothing to hand over\n".to_owned();
+    }
+    let word = |line: &Value, key: &str| line[key].as_str().unwrap_or("?").to_owned();
+    lines
+        .iter()
+        .map(|line| format!("line {}: {}\n", word(line, "line"), word(line, "message")))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(state: &str, role: &str, hears_other: bool, listener: Option<bool>) -> Value {
+        json!({ "name": "hall-1", "state": state, "standby": {
+            "role": role, "half": "a", "partner": "b", "take_overs": 3, "given_up": 2, "rivals": 1, "hears_other": hears_other,
+            "listener": listener,
+        } })
+    }
+
+    #[test]
+    fn each_role_is_a_row() {
+        let counts = "taken over 3, given up 2, rivals 1";
+        for (state, role, hears, listener, told) in [
+            (
+                "up",
+                "active",
+                false,
+                Some(true),
+                "active; b would take over",
+            ),
+            (
+                "up",
+                "active",
+                false,
+                Some(false),
+                "active; b does not answer",
+            ),
+            (
+                "up",
+                "active",
+                false,
+                None,
+                "active; whether b would take over is not known yet",
+            ),
+            (
+                "up",
+                "active",
+                true,
+                None,
+                "active; another master is heard",
+            ),
+            ("up", "listening", true, None, "listening; b sends"),
+            (
+                "up",
+                "listening",
+                false,
+                None,
+                "listening; no other gateway is heard",
+            ),
+            (
+                "down",
+                "listening",
+                false,
+                None,
+                "the port cannot be used; nothing can be heard",
+            ),
+        ] {
+            assert_eq!(
+                row(&line(state, role, hears, listener)),
+                format!("line hall-1: a is {told}; {counts}\n")
+            );
+        }
+        let alone = json!({ "name": "hall-2", "state": "up", "standby": null });
+        assert_eq!(row(&alone), "line hall-2: no second gateway\n");
+    }
+
+    #[test]
+    fn each_line_says_what_came_of_it() {
+        let answer = json!({ "yielded": true, "lines": [{ "line": "hall-1", "outcome": "handed_over", "message": "done" }] });
+        assert_eq!(told(&answer), "line hall-1: done\n");
+        assert!(told(&json!({ "lines": [] })).contains("nothing to hand over"));
+        assert_eq!(known(&json!({ "lines": ["a", "b"] })), "the lines are a, b");
+    }
+}

@@ -1,0 +1,111 @@
+//! `standstill`: a person who has looked confirms that the motor of a drive that is out of sight stands.
+
+use crate::cli::tools::consent::ask;
+use crate::cli::tools::socket::{self, Question, SocketArgs};
+use crate::cli::tools::unseen::unseen_row;
+use crate::cli::tools::{Failure, print, setup};
+use crate::domain::ids::Name;
+use axum::http::{Method, StatusCode};
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// Longest time for an answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Arguments of `standstill`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive, as in the gateway's configuration
+    drive: String,
+    #[command(flatten)]
+    place: SocketArgs,
+    /// Do not ask: you have looked
+    #[arg(long)]
+    yes: bool,
+}
+
+/// Confirms it over the socket. Nothing is sent to the drive.
+pub fn standstill(args: &Args) -> Result<(), Failure> {
+    let name = Name::new(&args.drive)
+        .ok_or_else(|| Failure::wrong(format!("`{}` is not a valid drive name", args.drive)))?;
+    let socket = args.place.path()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    let answered = |question: Question<'_>| {
+        let answer = runtime.block_on(socket::ask(&socket, question, PATIENCE));
+        answer
+            .map_err(|reason| Failure::failed(format!("gateway at {}: {reason}", socket.display())))
+    };
+    if !args.yes {
+        let (_, health) = answered(Question::look("/api/v1/health"))?;
+        print(&last_seen(&health, name.as_str()))?;
+        ask(
+            "have you looked, and does the motor stand?",
+            "nothing was confirmed",
+        )?;
+    }
+    let path = format!("/api/v1/drives/{name}/standstill");
+    let body = json!({});
+    let (status, answer) = answered(Question {
+        method: Method::POST,
+        path: &path,
+        body: Some(&body),
+    })?;
+    match status {
+        StatusCode::OK => print(&format!(
+            "drive {name}: confirmed that the motor stands; a stop that is pending stays\n"
+        )),
+        StatusCode::NOT_FOUND => Err(Failure::wrong(setup::unknown(&answer))),
+        status => Err(Failure::failed(format!(
+            "drive {name}: {}",
+            why(status, &answer)
+        ))),
+    }
+}
+
+/// What was last seen of the drive; empty if it does not run out of sight.
+fn last_seen(health: &Value, name: &str) -> String {
+    let drives = health["drives"].as_array().into_iter().flatten();
+    let mut unseen = drives.filter(|drive| drive["name"] == name && drive["may_still_run"] == true);
+    unseen.next().map(unseen_row).unwrap_or_default()
+}
+
+/// Why it was not confirmed.
+fn why(status: StatusCode, answer: &Value) -> String {
+    answer["error"]
+        .as_str()
+        .map_or_else(|| format!("the gateway answers {status}"), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_confirms_is_shown_what_was_last_seen_of_that_drive() {
+        let drive = |name: &str| json!({ "name": name, "may_still_run": true, "last_seen": null });
+        let health = json!({ "drives": [drive("pump-1"), drive("pump-2"), { "name": "fan", "may_still_run": false }] });
+        assert_eq!(
+            last_seen(&health, "pump-2"),
+            "drive pump-2 MAY STILL RUN; go to the drive\n"
+        );
+        assert_eq!(last_seen(&health, "fan"), "");
+    }
+
+    #[test]
+    fn a_refusal_is_told_in_the_words_of_the_gateway() {
+        assert_eq!(
+            why(
+                StatusCode::CONFLICT,
+                &json!({ "error": "nothing to confirm" })
+            ),
+            "nothing to confirm"
+        );
+        assert_eq!(
+            why(StatusCode::BAD_GATEWAY, &Value::Null),
+            "the gateway answers 502 Bad Gateway"
+        );
+    }
+}

@@ -1,0 +1,221 @@
+//! `usage`: shows what drives have used, in all and on each day, or sets the sums of one back to 0.
+
+use crate::cli::tools::consent::ask_for_consent;
+use crate::cli::tools::data_dir::DataDirArgs;
+use crate::cli::tools::setup::unknown;
+use crate::cli::tools::socket::{self, Question};
+use crate::cli::tools::{Failure, print};
+use crate::daemon::http::socket::SOCKET_NAME;
+use crate::daemon::journal::days::{COLUMNS, DayRow, each};
+use crate::daemon::journal::file_in;
+use crate::daemon::journal::reader::connect;
+use crate::domain::ids::Name;
+use axum::http::{Method, StatusCode};
+use serde_json::Value;
+use std::collections::{BTreeMap, VecDeque};
+use std::path::Path;
+use std::time::Duration;
+
+/// Days that are shown of each drive by default.
+const DAYS_USUAL: usize = 14;
+/// Longest time for the gateway's answer.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Arguments of `usage`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive; default: all drives
+    drive: Option<String>,
+    #[command(flatten)]
+    place: DataDirArgs,
+    /// The newest days of each drive, at most this many; default: 14, or all with --csv and --json
+    #[arg(long, value_name = "N")]
+    days: Option<usize>,
+    /// Print one JSON object per day
+    #[arg(long, conflicts_with_all = ["csv", "reset"])]
+    json: bool,
+    /// Print CSV
+    #[arg(long, conflicts_with = "reset")]
+    csv: bool,
+    /// Set energy, running hours, starts and trips of the drive back to 0, for a new motor or drive. Days stay
+    #[arg(long, requires = "drive", conflicts_with = "days")]
+    reset: bool,
+    /// Do not ask
+    #[arg(long, requires = "reset")]
+    yes: bool,
+}
+
+/// Prints the days of each drive, oldest first, or resets the sums of one.
+pub fn usage(args: &Args) -> Result<(), Failure> {
+    let directory = args.place.path()?;
+    match (&args.drive, args.reset) {
+        (Some(drive), true) => reset(&directory, drive, args.yes),
+        _ => show(&directory, args),
+    }
+}
+
+fn show(directory: &Path, args: &Args) -> Result<(), Failure> {
+    let path = file_in(directory);
+    if !path.exists() {
+        return Err(Failure::failed(format!(
+            "{}: there is no journal",
+            path.display()
+        )));
+    }
+    let failed = |error: rusqlite::Error| Failure::failed(format!("{}: {error}", path.display()));
+    let most = args.days.unwrap_or(if args.csv || args.json {
+        usize::MAX
+    } else {
+        DAYS_USUAL
+    });
+    let mut drives: BTreeMap<String, VecDeque<DayRow>> = BTreeMap::new();
+    let connection = connect(&path).map_err(failed)?;
+    each(&connection, args.drive.as_deref(), |row| {
+        let days = drives.entry(row.drive.clone()).or_default();
+        days.push_back(row);
+        if days.len() > most {
+            days.pop_front();
+        }
+    })
+    .map_err(failed)?;
+    if args.csv {
+        print(COLUMNS)?;
+    } else if drives.is_empty() && !args.json {
+        return print("nothing was used so far\n");
+    }
+    for (drive, days) in &drives {
+        let shown: String = match (args.csv, args.json) {
+            (true, _) => days.iter().map(DayRow::in_csv).collect(),
+            (_, true) => days
+                .iter()
+                .map(|day| day.in_json().to_string() + "\n")
+                .collect(),
+            _ => table(drive, days),
+        };
+        print(&shown)?;
+    }
+    Ok(())
+}
+
+/// The days of one drive for people.
+fn table(drive: &str, days: &VecDeque<DayRow>) -> String {
+    let mut text =
+        format!("{drive}\n  day         energy kWh  from     running h  starts  trips\n");
+    for day in days {
+        let row = day.in_json();
+        let decimals = |key: &str| {
+            row[key]
+                .as_f64()
+                .map_or_else(|| "-".to_owned(), |number| format!("{number:.2}"))
+        };
+        let word = |key: &str| row[key].as_str().unwrap_or("-").to_owned();
+        text += &format!(
+            "  {}  {:>10}  {:7}  {:>9}  {:>6}  {:>5}\n",
+            word("day"),
+            decimals("energy_kwh"),
+            word("energy_from"),
+            decimals("running_hours"),
+            row["starts"],
+            row["trips"]
+        );
+    }
+    text
+}
+
+/// Asks the running gateway, because it continues from the sums that it holds.
+fn reset(directory: &Path, drive: &str, yes: bool) -> Result<(), Failure> {
+    let name = Name::new(drive)
+        .ok_or_else(|| Failure::wrong(format!("`{drive}` is not a valid drive name")))?;
+    if !yes {
+        print(&format!(
+            "energy, running hours, starts and trips of {name} begin at 0 again\n"
+        ))?;
+        ask_for_consent()?;
+    }
+    let socket = directory.join(SOCKET_NAME);
+    let path = format!("/api/v1/drives/{name}/usage/reset");
+    let question = Question {
+        method: Method::POST,
+        path: &path,
+        body: Some(&Value::Null),
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    let at = socket.display();
+    match runtime.block_on(socket::ask(&socket, question, PATIENCE)) {
+        Ok((StatusCode::OK, answer)) => {
+            print(&format!("{name} was at {}\n", words(&answer["before"])))
+        }
+        Ok((StatusCode::NOT_FOUND, answer)) => Err(Failure::wrong(unknown(&answer))),
+        Ok((status, _)) => Err(Failure::failed(format!(
+            "gateway at {at}: it answers {status}"
+        ))),
+        Err(reason) => Err(Failure::failed(format!("gateway at {at}: {reason}"))),
+    }
+}
+
+/// Sums in words; those that the drive does not have are left out.
+fn words(sums: &Value) -> String {
+    let parts = [
+        ("energy_kwh", "kWh"),
+        ("running_hours", "h"),
+        ("starts", "starts"),
+        ("trips", "trips"),
+    ];
+    let known = parts.iter().filter(|(key, _)| !sums[key].is_null());
+    known
+        .map(|(key, unit)| format!("{} {unit}", sums[key]))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::usage::{EnergySource, UsageTotals};
+    use crate::journal::days::{Day, DayUsage};
+    use serde_json::json;
+
+    fn day(energy_from: Option<EnergySource>) -> DayRow {
+        let totals = UsageTotals {
+            energy_mj: 5_400_000_000,
+            running: Duration::from_secs(5400),
+            starts: 3,
+            trips: 1,
+        };
+        DayRow {
+            drive: "pump-1".into(),
+            day: Day(20_000),
+            usage: DayUsage {
+                totals,
+                energy_from,
+            },
+        }
+    }
+
+    #[test]
+    fn a_day_is_shown_in_each_form() {
+        let rows = VecDeque::from([day(Some(EnergySource::Counter)), day(None)]);
+        let text = table("pump-1", &rows);
+        let lines: Vec<_> = text
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+            .collect();
+        assert_eq!(lines[2], "2024-10-04 1.50 counter 1.50 3 1");
+        assert_eq!(lines[3], "2024-10-04 - - 1.50 3 1", "no energy is known");
+        assert_eq!(
+            rows[0].in_csv(),
+            "2024-10-04,pump-1,1.50,counter,1.50,3,1\n"
+        );
+        assert_eq!(rows[1].in_csv(), "2024-10-04,pump-1,,,1.50,3,1\n");
+        assert_eq!(rows[1].in_json()["energy_kwh"], Value::Null);
+    }
+
+    #[test]
+    fn sums_that_a_drive_does_not_have_are_left_out() {
+        let sums = json!({ "energy_kwh": null, "running_hours": 1.5, "starts": 3, "trips": 0 });
+        assert_eq!(words(&sums), "1.5 h, 3 starts, 0 trips");
+    }
+}

@@ -1,0 +1,26 @@
+//! `verify`: whether a drive is set so that it obeys the bus, read from the drive now.
+
+use crate::cli::tools::{Failure, print, setup, socket};
+
+/// Arguments of `verify`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive, as in the gateway's configuration
+    drive: String,
+    #[command(flatten)]
+    place: socket::SocketArgs,
+    /// Print the gateway's JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints the settings. It fails unless all of them are right and were answered.
+pub fn verify(args: &Args) -> Result<(), Failure> {
+    let seen = setup::Drive::new(&args.drive, &args.place)?.look()?;
+    print(&if args.json {
+        format!("{seen}\n")
+    } else {
+        setup::report(&seen)
+    })?;
+    setup::judge(&seen)
+}

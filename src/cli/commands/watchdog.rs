@@ -1,0 +1,133 @@
+//! `watchdog`: shows how a drive monitors its communication, or sets it, after a person has seen old and new values.
+
+use crate::cli::tools::consent::ask_for_consent;
+use crate::cli::tools::setup::{self, outcome, text, word};
+use crate::cli::tools::{Failure, print, socket};
+use crate::toml_file::values::parse_duration;
+use serde_json::Value;
+use std::time::Duration;
+
+/// Arguments of `watchdog`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Name of the drive, as in the gateway's configuration
+    drive: String,
+    #[command(flatten)]
+    place: socket::SocketArgs,
+    /// Set it to this time, such as 5s, or off
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    set: Option<Time>,
+    /// Do not ask
+    #[arg(long)]
+    yes: bool,
+}
+
+/// What the watchdog is set to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Time {
+    Off,
+    After(Duration),
+}
+
+fn time(text: &str) -> Result<Time, String> {
+    if text.eq_ignore_ascii_case("off") {
+        return Ok(Time::Off);
+    }
+    let time = parse_duration(text).filter(|time| !time.is_zero());
+    time.map(Time::After)
+        .ok_or_else(|| "a time such as 5s or 2500ms, or off, is expected".to_owned())
+}
+
+/// Shows it, or sets it and shows it. It fails unless it is on, or off if that was requested.
+pub fn watchdog(args: &Args) -> Result<(), Failure> {
+    let drive = setup::Drive::new(&args.drive, &args.place)?;
+    let before = drive.look()?;
+    let Some(wanted) = args.set else {
+        print(&setup::watchdog(&before["watchdog"]))?;
+        return judge(&before, "on");
+    };
+    if !matches!(before["watchdog"]["state"].as_str(), Some("on" | "off")) {
+        print(&setup::watchdog(&before["watchdog"]))?;
+        return judge(&before, "on");
+    }
+    let name = text(&before, "drive");
+    let new = called(wanted);
+    let old = word(&before["watchdog"]["found"]);
+    print(&format!(
+        "drive {name}, at standstill:\n  {}  {old} -> {new}\n",
+        what(&before)
+    ))?;
+    if !args.yes {
+        ask_for_consent()?;
+    }
+    let answer = drive.set_watchdog(match wanted {
+        Time::Off => None,
+        Time::After(time) => Some(time),
+    })?;
+    print(&format!("{}\n", outcome(&answer)))?;
+    let after = drive.look()?;
+    print(&setup::watchdog(&after["watchdog"]))?;
+    if !matches!(text(&answer, "outcome"), "confirmed" | "acknowledged") {
+        return Err(Failure::failed(format!("{name}: {}", outcome(&answer))));
+    }
+    judge(&after, if wanted == Time::Off { "off" } else { "on" })
+}
+
+fn what(seen: &Value) -> &str {
+    text(&seen["watchdog"], "what")
+}
+
+fn called(time: Time) -> String {
+    match time {
+        Time::Off => "off".to_owned(),
+        Time::After(time) => format!("{} s", time.as_secs_f64()),
+    }
+}
+
+fn judge(seen: &Value, wanted: &str) -> Result<(), Failure> {
+    let name = text(seen, "drive");
+    match seen["watchdog"]["state"].as_str() {
+        Some(state) if state == wanted => Ok(()),
+        Some("off") => Err(Failure::failed(format!("{name}: its watchdog is off"))),
+        Some("on") => Err(Failure::failed(format!("{name}: its watchdog is on"))),
+        Some(_) => Err(Failure::failed(format!(
+            "{name}: its watchdog could not be read"
+        ))),
+        None => Err(Failure::failed(format!(
+            "{name}: no watchdog is known for this model"
+        ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_time_has_its_unit() {
+        assert_eq!(time("5s"), Ok(Time::After(Duration::from_secs(5))));
+        assert_eq!(time("2500ms"), Ok(Time::After(Duration::from_millis(2500))));
+        assert_eq!(time("OFF"), Ok(Time::Off));
+        assert!(
+            ["0s", "5", "-1s", "2.5s", ""]
+                .into_iter()
+                .all(|wrong| time(wrong).is_err())
+        );
+    }
+
+    #[test]
+    fn what_was_not_wanted_is_a_failure() {
+        let seen = |state: Value| json!({ "drive": "d", "watchdog": { "state": state } });
+        assert!(
+            judge(&seen("on".into()), "on").is_ok() && judge(&seen("off".into()), "off").is_ok()
+        );
+        for (state, said) in [
+            (json!("off"), "d: its watchdog is off"),
+            (json!("not_answered"), "d: its watchdog could not be read"),
+            (Value::Null, "d: no watchdog is known for this model"),
+        ] {
+            assert_eq!(judge(&seen(state), "on").unwrap_err().message, said);
+        }
+    }
+}

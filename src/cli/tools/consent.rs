@@ -1,0 +1,31 @@
+//! Asks the person at the terminal before something is done.
+
+use super::{Failure, print};
+use std::io::{self, IsTerminal};
+
+/// Asks the person at the terminal.
+pub fn ask_for_consent() -> Result<(), Failure> {
+    ask("set this?", "nothing was set")
+}
+
+/// Asks the person at the terminal this `question`; what was done `otherwise` is told unless the answer is yes.
+pub fn ask(question: &str, otherwise: &str) -> Result<(), Failure> {
+    if !io::stdin().is_terminal() {
+        return Err(Failure::wrong(format!(
+            "{otherwise}: there is no terminal to ask on; add --yes"
+        )));
+    }
+    print(&format!("{question} [y/N] "))?;
+    // The question must be visible before the answer is awaited.
+    io::Write::flush(&mut io::stdout()).map_err(Failure::failed)?;
+    let mut answer = String::new();
+    io::stdin()
+        .read_line(&mut answer)
+        .map_err(Failure::failed)?;
+    let is_yes = ["y", "yes"].contains(&answer.trim().to_lowercase().as_str());
+    if is_yes {
+        Ok(())
+    } else {
+        Err(Failure::failed(otherwise))
+    }
+}

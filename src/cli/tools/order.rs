@@ -1,0 +1,185 @@
+//! An order of one word to one drive, written and answered for; and the stop after it.
+
+use super::Failure;
+use super::client::{Client, LEASE_LEFT, NoAnswer, REASON};
+use crate::domain::command::Reason;
+use crate::domain::frequency::{Hertz, NoFrequency};
+use crate::north::modbus::address as map;
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// How often the final stop is attempted.
+const STOP_TRIES: u32 = 3;
+/// Wait between these attempts.
+const STOP_AGAIN: Duration = Duration::from_millis(200);
+/// The run command that stops.
+pub const STOP: u16 = 0;
+/// The one that takes control over without moving anything.
+pub const TAKE: u16 = 6;
+
+/// What is to be written.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Order {
+    /// Address of the register.
+    pub address: u16,
+    /// The word.
+    pub word: u16,
+    /// For the uniform unit.
+    pub is_uniform: bool,
+    /// Text for people.
+    pub text: String,
+    /// What else it does at a unit that is taken for a native one: it makes a motor run, or takes it over.
+    pub starts: Option<String>,
+}
+
+impl Order {
+    /// Whether it makes a motor run.
+    #[must_use]
+    pub fn makes_run(&self) -> bool {
+        self.is_uniform && self.address == map::RUN && matches!(self.word, 1 | 2)
+    }
+
+    /// Whether it takes the drive over and moves nothing.
+    #[must_use]
+    pub fn takes(&self) -> bool {
+        self.is_uniform && self.address == map::RUN && self.word == TAKE
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// It is refused, or there is no answer.
+    pub async fn send(&self, client: &mut Client) -> Result<(), Failure> {
+        match client.write(self.address, self.word).await {
+            Ok(()) => Ok(()),
+            Err(error) => Err(self.explained(client, &error).await),
+        }
+    }
+
+    /// Writes a run command, and returns which one is in force then; `None` if there is nothing to hold. If its outcome
+    /// is unknown, a stop follows: otherwise a motor might run unsupervised. After a take it does not: it might stop
+    /// another client's drive.
+    ///
+    /// # Errors
+    /// It is refused, or there is no answer.
+    pub async fn run(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
+        let error = match client.write(self.address, self.word).await {
+            Ok(()) if self.takes() => return self.taken(client).await,
+            Ok(()) => return Ok(Some(self.word)),
+            Err(error) => error,
+        };
+        if self.takes() || !matches!(error, NoAnswer::Exception(0x0B) | NoAnswer::Lost(_)) {
+            return Err(self.explained(client, &error).await);
+        }
+        let then = match stop(client).await {
+            Ok(text) => text,
+            Err(failure) => failure.message,
+        };
+        Err(Failure::failed(format!(
+            "{}: {error}; it may have been carried out, so it is stopped: {then}",
+            self.text
+        )))
+    }
+
+    /// The run command that was taken over with the lease; `None` if no client holds one.
+    async fn taken(&self, client: &mut Client) -> Result<Option<u16>, Failure> {
+        let read = async |client: &mut Client, address| match client.read(address, 1).await {
+            Ok(words) => Ok(words.first().copied().unwrap_or(0)),
+            Err(error) => Err(Failure::failed(format!(
+                "{}: acknowledged, but then: {error}",
+                self.text
+            ))),
+        };
+        if read(client, LEASE_LEFT).await? == 0 {
+            return Ok(None);
+        }
+        read(client, map::RUN).await.map(Some)
+    }
+
+    /// The error, for a uniform unit with the reason that the gateway records there.
+    async fn explained(&self, client: &mut Client, error: &NoAnswer) -> Failure {
+        let mut text = format!("{}: {error}", self.text);
+        if self.is_uniform && matches!(error, NoAnswer::Exception(_)) {
+            text.push_str(&reason(client).await);
+        }
+        Failure::failed(text)
+    }
+}
+
+/// The word of a frequency in Hz, such as 42.5.
+///
+/// # Errors
+/// It is none, or out of range.
+pub fn frequency(value: &str) -> Result<u16, Failure> {
+    let wrong = |what: &dyn std::fmt::Display| {
+        Failure::wrong(format!("{value} is not a frequency such as 42.5: {what}"))
+    };
+    let hertz = Hertz::parse(value).map_err(|error| wrong(&error))?;
+    if !hertz.millihertz().is_multiple_of(10) {
+        return Err(wrong(&"finer than 0.01 Hz"));
+    }
+    hertz
+        .centihertz()
+        .ok_or_else(|| wrong(&NoFrequency::OutOfRange))
+}
+
+/// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
+pub async fn reason(client: &mut Client) -> String {
+    let number = client
+        .read(REASON, 1)
+        .await
+        .ok()
+        .and_then(|words| words.first().copied());
+    let reason = Reason::ALL
+        .iter()
+        .find(|reason| Some(reason.number()) == number && **reason != Reason::None);
+    reason
+        .map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word()))
+        .unwrap_or_default()
+}
+
+/// Stops the drive, and reports it.
+///
+/// # Errors
+/// No stop was acknowledged.
+pub async fn stop(client: &mut Client) -> Result<String, Failure> {
+    let mut last = None;
+    for _ in 0..STOP_TRIES {
+        match client.write(map::RUN, STOP).await {
+            Ok(()) => return Ok("the stop is acknowledged".to_owned()),
+            Err(error) => last = Some(error),
+        }
+        sleep(STOP_AGAIN).await;
+    }
+    let why = last.map(|error| error.to_string()).unwrap_or_default();
+    let then = "the drive will run its fail-safe action when the lease ends";
+    Err(Failure::failed(format!(
+        "THE STOP IS NOT ACKNOWLEDGED: {why}; {then}"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frequencies_are_exact_or_refused() {
+        assert_eq!(frequency("42.5").unwrap(), 4250);
+        assert_eq!(frequency("0.01").unwrap(), 1);
+        for (wrong, why) in [
+            ("42.505", "finer"),
+            ("655.36", "range"),
+            ("-1", "range"),
+            ("4,5", "number"),
+            ("fast", "number"),
+        ] {
+            let failure = frequency(wrong).unwrap_err();
+            assert!(
+                failure.message.contains(why),
+                "{wrong}: {}",
+                failure.message
+            );
+            assert_eq!(failure.code, crate::cli::tools::failure::WRONG_USAGE);
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Runs the gateway in this process, for `run`, and for `init` at its end.
+
+use super::{Failure, input};
+use crate::daemon::service::reload::Load;
+use crate::daemon::service::run as daemon;
+use crate::daemon::service::signals::told_to_end;
+use rustix::system::uname;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Runs the gateway with the configuration in `file` until SIGINT or SIGTERM.
+pub fn run(file: &Path) -> Result<(), Failure> {
+    let config = input::configuration(file)?;
+    let read_from = file.to_owned();
+    let read = move || input::configuration(&read_from).map_err(|failure| failure.to_string());
+    let judged_in = file.to_owned();
+    let judge =
+        move |text: &str| input::judged(&judged_in, text).map_err(|failure| failure.to_string());
+    let load = Load {
+        file: file.to_owned(),
+        read: Arc::new(read),
+        judge: Arc::new(judge),
+    };
+    let mut end = Ok(());
+    let started = daemon::run(&config, Some(load), async |running| {
+        let told = match told_to_end() {
+            Ok(told) => told,
+            Err(error) => {
+                end = Err(error);
+                return;
+            }
+        };
+        let host = || uname().nodename().to_string_lossy().into_owned();
+        let name = config
+            .gateway
+            .name
+            .as_ref()
+            .map_or_else(host, ToString::to_string);
+        tracing::info!(
+            gateway = name,
+            version = env!("CARGO_PKG_VERSION"),
+            "running"
+        );
+        for address in &running.listening {
+            tracing::info!(%address, "Modbus TCP");
+        }
+        if let Some(address) = running.http {
+            tracing::info!(%address, "HTTP");
+        }
+        told.await;
+        tracing::info!("shutdown requested");
+    });
+    started.map_err(Failure::failed)?;
+    end.map_err(Failure::failed)
+}

@@ -1,0 +1,99 @@
+//! Scans of an unused line, with their progress: for `scan`, for `init`, and single reads for `models new`.
+
+pub mod find;
+pub mod single;
+
+use super::Failure;
+use super::progress::Bar;
+use crate::daemon::lines::tool_line::ToolPort;
+use crate::daemon::scan::asker::PortAsker;
+use crate::daemon::scan::plan::{Plan, setting_text};
+use crate::daemon::scan::survey::{Event, Finding, Findings, survey};
+use crate::daemon::service::signals::told_to_end;
+
+/// The outcome of a scan.
+pub struct Scanned {
+    /// What was found.
+    pub findings: Findings,
+    /// Why it ended early.
+    pub ended: Result<(), Failure>,
+    /// The adapter echoes what is sent.
+    pub echoes: bool,
+    /// Frames of drives that arrived too late to count.
+    pub late: u64,
+}
+
+/// Tries everything in `plan`, until Ctrl-C. Shows the progress.
+pub fn scanned(plan: &Plan, port: ToolPort) -> Result<Scanned, Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(Failure::failed)?;
+    runtime.block_on(async {
+        let mut findings = Findings::default();
+        let mut asker = PortAsker::new(port);
+        let told = told_to_end().map_err(Failure::failed)?;
+        let mut shown = Shown { plan, bar: Bar::new(plan.asks()) };
+        let ended = tokio::select! {
+            done = survey(plan, &mut asker, &mut findings, |event| shown.event(&event)) => done.map_err(Failure::from),
+            () = told => Ok(()),
+        };
+        shown.bar.end();
+        asker.close().await;
+        Ok(Scanned { findings, ended, echoes: asker.echoes > 0, late: asker.late })
+    })
+}
+
+/// The model candidates, the best first, for people.
+pub fn model_text(finding: &Finding) -> String {
+    let verdict = &finding.verdict;
+    let fits: Vec<_> = verdict
+        .fits
+        .iter()
+        .map(|(model, why)| format!("{} ({why})", model.id))
+        .collect();
+    let text = match verdict.word() {
+        "probable" => format!("probably {}", fits.join(", ")),
+        "possible" => format!("perhaps {}", fits.join(" or ")),
+        _ => "answers, but fits no model".to_owned(),
+    };
+    match &verdict.other {
+        Some(other) => format!("says that it is {other}; {text}"),
+        None => text,
+    }
+}
+
+/// Shows the progress on a terminal.
+struct Shown<'a> {
+    plan: &'a Plan,
+    bar: Bar,
+}
+
+impl Shown<'_> {
+    fn event(&mut self, event: &Event<'_>) {
+        let at = |number: usize| {
+            self.plan
+                .settings
+                .get(number)
+                .map(setting_text)
+                .unwrap_or_default()
+        };
+        match event {
+            Event::Setting(number) => {
+                let text = at(*number);
+                self.bar.to(self.plan.asks_before(*number), &text);
+            }
+            Event::Asked => self.bar.step(),
+            Event::Answers(station) => self.bar.line(&format!("station {station} answers")),
+            Event::Told(finding) => {
+                let text = format!(
+                    "station {} at {}: {}",
+                    finding.station,
+                    at(finding.setting),
+                    model_text(finding)
+                );
+                self.bar.line(&text);
+            }
+        }
+    }
+}

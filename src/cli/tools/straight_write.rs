@@ -1,0 +1,206 @@
+//! What `write` needs besides its order if there is no gateway: limits, and permissions.
+
+use super::Failure;
+use super::client::{Client, NoAnswer};
+use super::log::complain;
+use super::order::{Order, frequency, reason, stop};
+use super::own_gateway::{Extra, control};
+use super::target::Target;
+use crate::domain::command::Reason;
+use crate::domain::control::ControlAction;
+use crate::north::modbus::address as map;
+use crate::profile::model::{Basic, Model, ParameterKind};
+use std::time::Duration;
+use tokio::time::{Instant, sleep};
+
+/// How often the drive is read while it is commanded.
+const POLL: Duration = Duration::from_millis(200);
+/// Longest time until a stop before a start is effective.
+const AT_REST_WITHIN: Duration = Duration::from_secs(30);
+/// Wait between two checks of that.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// The consequence of killing this program.
+const WARNING: &str = "directly on a port: if this program is killed or the cable is lost, only the drive's own watchdog \
+                       stops the motor\n";
+
+/// Options that apply only directly on a port.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Straight {
+    /// Directly on a port, for `run` and `frequency`: frequencies that are allowed, in Hz, such as 5-50
+    #[arg(long, value_name = "MIN-MAX", value_parser = limits)]
+    limits: Option<(f64, f64)>,
+    /// Directly on a port, before `run`: give the drive this frequency, in Hz
+    #[arg(long, value_name = "HZ")]
+    frequency: Option<String>,
+    /// Directly on a port: accept this control fact although the model marks it as unproven; repeat it for several
+    #[arg(long, value_name = "FACT")]
+    accept_unverified: Vec<String>,
+}
+
+impl Straight {
+    /// This frequency in Hz before `run`, and nothing else.
+    #[must_use]
+    pub fn with_frequency(hz: &str) -> Self {
+        Self {
+            frequency: Some(hz.to_owned()),
+            ..Self::default()
+        }
+    }
+}
+
+/// Two frequencies in Hz, as `5-50`.
+///
+/// # Errors
+/// What would be right.
+pub(crate) fn limits(text: &str) -> Result<(f64, f64), String> {
+    let wrong = || format!("{text} are not limits such as 5-50, in Hz");
+    let (least, most) = text.split_once('-').ok_or_else(wrong)?;
+    match (least.trim().parse(), most.trim().parse()) {
+        (Ok(least), Ok(most)) if 0.0 <= least && least <= most && most <= 600.0 => {
+            Ok((least, most))
+        }
+        _ => Err(wrong()),
+    }
+}
+
+/// What a gateway of our own may do for `order`; `None` if there is another one.
+///
+/// # Errors
+/// Limits are missing, or the register is one that commands are written to.
+pub fn extra(target: &Target, straight: &Straight, order: &Order) -> Result<Extra, Failure> {
+    let Some(model) = target.model()? else {
+        let is_given = straight.limits.is_some()
+            || straight.frequency.is_some()
+            || !straight.accept_unverified.is_empty();
+        let what = "--limits, --frequency and --accept-unverified are for a port: a gateway has its own limits";
+        return if is_given {
+            Err(Failure::wrong(what))
+        } else {
+            Ok(Extra::default())
+        };
+    };
+    if !order.is_uniform {
+        let register = model.register_at(order.address);
+        if register.is_some_and(|it| it.parameter_kind() == ParameterKind::Command) {
+            return Err(Failure::wrong(
+                "commands are not written as words: use `run` or `frequency`",
+            ));
+        }
+        let native_write = vec![order.address];
+        return Ok(Extra {
+            control: Extra::control_at_rest(),
+            native_write,
+            poll: Some(POLL),
+            ..Extra::default()
+        });
+    }
+    let moves = order.makes_run() || order.address == map::SETPOINT;
+    let limits = match straight.limits {
+        Some(limits) => limits,
+        None if moves => {
+            return Err(Failure::wrong(
+                "directly on a port, --limits is needed, such as --limits 5-50",
+            ));
+        }
+        None => (1.0, 1.0),
+    };
+    let direction = if order.makes_run() && order.word == 2 {
+        "reverse"
+    } else {
+        "forward"
+    };
+    // A command that only sets something leaves the drive as it is; one that makes it run stops it in any case.
+    let on_shutdown = if order.makes_run() { "stop" } else { "hold" };
+    let control = control(limits, direction, on_shutdown);
+    let accept_unverified = straight.accept_unverified.clone();
+    if moves {
+        basics_are_accepted(&model, &accept_unverified)?;
+    }
+    Ok(Extra {
+        control,
+        moves,
+        accept_unverified,
+        native_write: Vec::new(),
+        poll: Some(POLL),
+    })
+}
+
+/// A start needs a stop that is proven, or that the user has seen.
+fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure> {
+    let basic = ControlAction::Basic.word();
+    let unproven = model.unproven_basics();
+    if unproven.is_empty() || accepted.iter().any(|word| word == basic) {
+        return Ok(());
+    }
+    let what: Vec<_> = unproven.iter().map(Basic::described).collect();
+    Err(Failure::wrong(format!(
+        "{} takes no orders to move: not proven by a manual of it: {}; add --accept-unverified {basic} if you have seen \
+         a stop work",
+        model.id,
+        what.join(", ")
+    )))
+}
+
+/// Prepares for a run command: a guard that has just started requires a stop first, and a motor seen at standstill.
+///
+/// # Errors
+/// The stop is not acknowledged or shows no effect, or the frequency is refused.
+pub async fn arm(client: &mut Client, straight: &Straight) -> Result<(), Failure> {
+    complain(WARNING.as_bytes());
+    stop(client).await?;
+    let until = Instant::now() + AT_REST_WITHIN;
+    let word = straight.frequency.as_deref().map(frequency).transpose()?;
+    let Some(word) = word else {
+        return is_settled(client, until).await;
+    };
+    is_settled(client, until).await?;
+    match client.write(map::SETPOINT, word).await {
+        Ok(()) => Ok(()),
+        Err(error) => Err(Failure::failed(format!(
+            "frequency: {error}{}",
+            reason(client).await
+        ))),
+    }
+}
+
+/// Waits until the stop is effective: an identical one is answered from what is known then.
+async fn is_settled(client: &mut Client, until: Instant) -> Result<(), Failure> {
+    const STATUS: u16 = 1;
+    const COMMAND_PENDING: u16 = 1 << 6;
+    const STOPPED: u16 = 1;
+    loop {
+        let words = match client.read(STATUS, 2).await {
+            Ok(words) => words,
+            Err(NoAnswer::Exception(_)) => Vec::new(),
+            Err(error) => return Err(Failure::failed(error)),
+        };
+        if let [status, state] = words[..]
+            && status & COMMAND_PENDING == 0
+            && state == STOPPED
+        {
+            return Ok(());
+        }
+        if Instant::now() >= until {
+            let why = Reason::StopPending.text();
+            return Err(Failure::failed(format!(
+                "nothing was started: {why}{}",
+                reason(client).await
+            )));
+        }
+        sleep(LOOK_EVERY).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_two_frequencies_in_order() {
+        assert_eq!(limits("5-50"), Ok((5.0, 50.0)));
+        assert_eq!(limits("0.5-7.25"), Ok((0.5, 7.25)));
+        for wrong in ["", "5", "50-5", "a-b", "-5-5", "0-601", "NaN-5"] {
+            assert!(limits(wrong).is_err(), "{wrong}");
+        }
+    }
+}
