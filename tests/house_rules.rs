@@ -40,6 +40,28 @@ const ROOMS: [&str; 15] = [
     "daemon",
     "cli",
 ];
+/// The folders of the daemon, and its files that have none; each uses only those before it.
+const DAEMON: [&str; 17] = [
+    "host",
+    "qualified_file",
+    "port",
+    "exchange",
+    "journal",
+    "trends",
+    "line_thread",
+    "local",
+    "lines",
+    "scan",
+    "commissioning",
+    "modbus_server",
+    "modbus_rtu",
+    "mqtt",
+    "sparkplug",
+    "http",
+    "service",
+];
+/// The folders of the command line, likewise.
+const CLI: [&str; 3] = ["help", "tools", "commands"];
 /// What needs a clock, a file, a socket or a thread belongs here.
 const ROOMS_WITH_IO: [&str; 3] = ["daemon", "cli", "main"];
 /// The one file with `unsafe`.
@@ -79,20 +101,87 @@ const CLOCKS: [&str; 3] = ["Instant", "SystemTime", "UNIX_EPOCH"];
 
 type Rule = fn(&Source) -> Vec<String>;
 
+/// What `path` names in `source`, from the crate's root; empty if it begins with neither `crate` nor `super`.
+fn from_root<'p>(source: &'p Source, path: &'p [String]) -> Vec<&'p str> {
+    let mut modules = source.modules();
+    let supers = path.iter().take_while(|part| *part == "super").count();
+    let rest = match path[0].as_str() {
+        "crate" | "vfd_gateway" => {
+            modules.clear();
+            &path[1..]
+        }
+        "super" if supers <= modules.len() => {
+            modules.truncate(modules.len() - supers);
+            &path[supers..]
+        }
+        _ => return Vec::new(),
+    };
+    modules.extend(rest.iter().map(String::as_str));
+    modules
+}
+
 fn rooms_use_only_rooms_before_them(source: &Source) -> Vec<String> {
-    let (modules, room) = (source.modules(), source.room());
+    let room = source.room();
     let mut wrong = Vec::new();
     for (line, path) in &source.paths {
-        let supers = path.iter().take_while(|part| *part == "super").count();
-        let used = match path[0].as_str() {
-            "crate" | "vfd_gateway" => path.get(1),
-            "super" if supers == modules.len() => path.get(supers),
-            _ => None,
-        };
-        if let Some(used) =
-            used.filter(|used| ROOMS.contains(&used.as_str()) && !may_use(room, used))
-        {
+        let used = from_root(source, path).first().copied();
+        if let Some(used) = used.filter(|used| ROOMS.contains(used) && !may_use(room, used)) {
             wrong.push(source.at(*line, &format!("{room} must not use {used}")));
+        }
+    }
+    wrong
+}
+
+/// The folders of `room` in the order in which they may use each other; `None` if they have none.
+fn folders_of(room: &str) -> Option<&'static [&'static str]> {
+    match room {
+        "daemon" => Some(&DAEMON),
+        "cli" => Some(&CLI),
+        _ => None,
+    }
+}
+
+fn folders_use_only_folders_before_them(source: &Source) -> Vec<String> {
+    let modules = source.modules();
+    // The room's own file is above all of them, and none uses it.
+    let [room, folder, ..] = modules[..] else {
+        return Vec::new();
+    };
+    let Some(folders) = folders_of(room) else {
+        return Vec::new();
+    };
+    let place = |folder: &str| folders.iter().position(|it| *it == folder);
+    let mut wrong = Vec::new();
+    for (line, path) in &source.paths {
+        let used = from_root(source, path);
+        let [other, used, ..] = used[..] else {
+            continue;
+        };
+        let is_before =
+            place(used).is_some_and(|used| place(folder).is_some_and(|own| used <= own));
+        if other == room && !is_before {
+            wrong.push(source.at(*line, &format!("{folder} must not use {used}")));
+        }
+    }
+    wrong
+}
+
+fn no_command_uses_another_one(source: &Source) -> Vec<String> {
+    let modules = source.modules();
+    let ["cli", "commands", command, ..] = modules[..] else {
+        return Vec::new();
+    };
+    let mut wrong = Vec::new();
+    for (line, path) in &source.paths {
+        let used = from_root(source, path);
+        let ["cli", "commands", other, ..] = used[..] else {
+            continue;
+        };
+        if other != command {
+            wrong.push(source.at(
+                *line,
+                &format!("{command} must not use {other}: what both need is a tool"),
+            ));
         }
     }
     wrong
@@ -277,6 +366,111 @@ fn rooms_use_only_rooms_before_them_everywhere() {
         "use crate::sim;",
     );
     assert_bites(rule, "src/domain/ids.rs", "use vfd_gateway::cli;", 1, "");
+    assert_holds(rule);
+}
+
+#[test]
+fn folders_use_only_folders_before_them_everywhere() {
+    let rule = folders_use_only_folders_before_them;
+    let good = "use crate::daemon::host::timer;\nuse super::clock;\nuse crate::config;";
+    assert_bites(
+        rule,
+        "src/daemon/host/sys.rs",
+        "\nuse crate::daemon::port::Port;",
+        2,
+        good,
+    );
+    assert_bites(
+        rule,
+        "src/daemon/port/mod.rs",
+        "use super::journal;",
+        1,
+        "use super::host::sys;\nuse tcp::Lookup;",
+    );
+    assert_bites(
+        rule,
+        "src/daemon/local.rs",
+        "use crate::daemon::{\n host,\n lines::build,\n};",
+        3,
+        "",
+    );
+    assert_bites(
+        rule,
+        "src/daemon/http/live/mod.rs",
+        "let x = super::super::service::run();",
+        1,
+        "use super::routes;",
+    );
+    assert_bites(
+        rule,
+        "src/daemon/new.rs",
+        "use super::host;",
+        1,
+        "#[cfg(test)]\nuse super::host;",
+    );
+    assert_bites(
+        rule,
+        "src/cli/tools/log.rs",
+        "use crate::cli::commands::run;",
+        1,
+        "use super::failure;",
+    );
+    assert_bites(
+        rule,
+        "src/cli/commands/run.rs",
+        "use crate::cli::Cli;",
+        1,
+        "use crate::cli::tools::print;",
+    );
+    assert_eq!(
+        rule(&Source::new(
+            "src/cli/mod.rs",
+            "use commands::run;\nuse crate::cli::tools;"
+        )),
+        [""; 0]
+    );
+    assert_holds(rule);
+    let sources = sources();
+    for (room, folders) in [("daemon", &DAEMON[..]), ("cli", &CLI[..])] {
+        let ships = sources
+            .iter()
+            .filter(|source| !source.shipped.trim().is_empty());
+        let found: BTreeSet<_> = ships
+            .map(Source::modules)
+            .filter(|it| it.len() > 1 && it[0] == room)
+            .collect();
+        let found: BTreeSet<_> = found.iter().map(|modules| modules[1]).collect();
+        let known: BTreeSet<_> = folders.iter().copied().collect();
+        assert_eq!(found, known, "the folders of {room}");
+    }
+}
+
+#[test]
+fn no_command_uses_another_command() {
+    let rule = no_command_uses_another_one;
+    let good =
+        "use super::Args;\nuse crate::cli::commands::watch::view;\nuse crate::cli::tools::reading;";
+    assert_bites(
+        rule,
+        "src/cli/commands/watch/view.rs",
+        "\nuse crate::cli::commands::read::Shown;",
+        2,
+        good,
+    );
+    assert_bites(
+        rule,
+        "src/cli/commands/run.rs",
+        "use super::init;",
+        1,
+        "use super::super::tools;",
+    );
+    assert_eq!(
+        rule(&Source::new(
+            "src/cli/commands/mod.rs",
+            "use super::commands::init;"
+        )),
+        [""; 0]
+    );
     assert_holds(rule);
 }
 
