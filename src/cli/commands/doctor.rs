@@ -279,10 +279,34 @@ fn line(report: &Value) -> String {
     text
 }
 
-/// The drives as a table.
+/// The drives as tables: their exchanges, and the times of their replies if there are any.
 fn drives(report: &Value) -> String {
-    let all = || report["drives"].as_array().into_iter().flatten();
-    let counts = all().map(|drive| {
+    let mut text = table(&exchanges(report));
+    let times = reply_times(report);
+    if times.len() > 1 {
+        text.push_str(&table(&times));
+    }
+    text
+}
+
+fn all_drives(report: &Value) -> impl Iterator<Item = &Value> {
+    report["drives"].as_array().into_iter().flatten()
+}
+
+/// A header, and how often each drive was asked and answered.
+fn exchanges(report: &Value) -> Vec<Vec<String>> {
+    let header = [
+        "drive",
+        "is",
+        "station",
+        "exchanges",
+        "silent",
+        "damaged",
+        "late",
+        "doubled",
+    ]
+    .map(str::to_owned);
+    let counts = all_drives(report).map(|drive| {
         let cell = |key: &str| number(&drive[key]);
         let words = [
             drive["name"].as_str().unwrap_or("?"),
@@ -299,20 +323,25 @@ fn drives(report: &Value) -> String {
         .map(cell);
         [&words.map(str::to_owned)[..], &numbers].concat()
     });
+    [header.to_vec()].into_iter().chain(counts).collect()
+}
+
+/// A header, and how long each drive took for each kind of reply.
+fn reply_times(report: &Value) -> Vec<Vec<String>> {
     let header = [
-        "drive",
-        "is",
-        "station",
-        "exchanges",
-        "silent",
-        "damaged",
-        "late",
-        "doubled",
+        "ms to a reply",
+        "to a",
+        "replies",
+        "50 %",
+        "90 %",
+        "99 %",
+        "99.9 %",
+        "longest",
+        "waited for",
+        "suggested",
     ]
     .map(str::to_owned);
-    let counts: Vec<_> = [header.to_vec()].into_iter().chain(counts).collect();
-    let mut text = table(&counts);
-    let times = all().flat_map(|drive| {
+    let times = all_drives(report).flat_map(|drive| {
         let replies = drive["replies"].as_array().into_iter().flatten();
         replies.map(|reply| {
             let cell = |key: &str| number(&reply[key]);
@@ -337,26 +366,7 @@ fn drives(report: &Value) -> String {
             .concat()
         })
     });
-    let header = [
-        "ms to a reply",
-        "to a",
-        "replies",
-        "50 %",
-        "90 %",
-        "99 %",
-        "99.9 %",
-        "longest",
-        "waited for",
-        "suggested",
-    ];
-    let times: Vec<_> = [header.map(str::to_owned).to_vec()]
-        .into_iter()
-        .chain(times)
-        .collect();
-    if times.len() > 1 {
-        text.push_str(&table(&times));
-    }
-    text
+    [header.to_vec()].into_iter().chain(times).collect()
 }
 
 fn number(value: &Value) -> String {

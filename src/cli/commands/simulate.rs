@@ -100,52 +100,15 @@ enum FramingArg {
 /// Simulates the drives until SIGINT or SIGTERM.
 pub fn simulate(args: &Args) -> Result<(), Failure> {
     let model = input::model(&args.model, &args.own)?;
-    let framing = match args.framing {
-        FramingArg::Rtu => Framing::Rtu,
-        FramingArg::Ascii => Framing::Ascii,
-        FramingArg::ModbusTcp => Framing::Mbap,
-    };
-    if framing == Framing::Mbap && args.tcp.is_none() {
-        return Err(Failure::wrong(
-            "Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`",
-        ));
-    }
+    let framing = framing_of(args)?;
     let link = link_of(args, &model, framing)?;
-    let stations = model.link.stations.value.clone();
-    if let Some(wrong) = args
-        .stations
-        .iter()
-        .find(|station| !stations.contains(station))
-    {
-        let first = stations.start();
-        let last = stations.end();
-        return Err(Failure::wrong(format!(
-            "station {wrong} is outside {first} to {last} of {}",
-            model.id
-        )));
-    }
-    if let Some(twice) = args
-        .stations
-        .iter()
-        .enumerate()
-        .find_map(|(at, n)| args.stations[..at].contains(n).then_some(n))
-    {
-        return Err(Failure::wrong(format!("station {twice} is named twice")));
-    }
-    let trips = Trips {
-        every: args.trip_every.map(Duration::from_secs),
-        next: None,
-        enter: if args.trip_on_enter {
-            Some(Enter::listen().map_err(Failure::failed)?)
-        } else {
-            None
-        },
-    };
+    check_stations(&args.stations, &model)?;
+    let trips = Trips::of(args)?;
     let mut bus = bus_of(args, &Arc::new(model.on(framing)), framing, link);
-    let assumed = assumed(args, &model);
     let announcement = |place: &dyn Display| {
         format!(
-            "{assumed}{}{} on {place}, station{} {}\n",
+            "{}{}{} on {place}, station{} {}\n",
+            assumed(args, &model),
             model.id,
             match framing {
                 Framing::Rtu => format!(" at {link}"),
@@ -187,6 +150,41 @@ pub fn simulate(args: &Args) -> Result<(), Failure> {
         return play_until_told(line, &mut bus, &announcement, trips);
     }
     play_until_told(&pty, &mut bus, &announcement, trips)
+}
+
+fn framing_of(args: &Args) -> Result<Framing, Failure> {
+    let framing = match args.framing {
+        FramingArg::Rtu => Framing::Rtu,
+        FramingArg::Ascii => Framing::Ascii,
+        FramingArg::ModbusTcp => Framing::Mbap,
+    };
+    if framing == Framing::Mbap && args.tcp.is_none() {
+        return Err(Failure::wrong(
+            "Modbus TCP needs an address to listen on: add `--tcp 127.0.0.1:1502`",
+        ));
+    }
+    Ok(framing)
+}
+
+/// A drive of `model` can have each of `stations`, and none is named twice.
+fn check_stations(stations: &[u8], model: &Model) -> Result<(), Failure> {
+    let possible = &model.link.stations.value;
+    if let Some(wrong) = stations.iter().find(|station| !possible.contains(station)) {
+        let first = possible.start();
+        let last = possible.end();
+        return Err(Failure::wrong(format!(
+            "station {wrong} is outside {first} to {last} of {}",
+            model.id
+        )));
+    }
+    if let Some(twice) = stations
+        .iter()
+        .enumerate()
+        .find_map(|(at, n)| stations[..at].contains(n).then_some(n))
+    {
+        return Err(Failure::wrong(format!("station {twice} is named twice")));
+    }
+    Ok(())
 }
 
 /// The settings of the line, if a drive of `model` supports its framing and data bits.
@@ -318,6 +316,18 @@ struct Trips {
 }
 
 impl Trips {
+    fn of(args: &Args) -> Result<Self, Failure> {
+        Ok(Self {
+            every: args.trip_every.map(Duration::from_secs),
+            next: None,
+            enter: if args.trip_on_enter {
+                Some(Enter::listen().map_err(Failure::failed)?)
+            } else {
+                None
+            },
+        })
+    }
+
     /// Trips every drive if Enter was pressed, or the interval has passed since the last trip or since the start.
     fn look(&mut self, bus: &mut SimBus, now: MonoTime) {
         let is_due = self.is_due(now);

@@ -79,91 +79,16 @@ impl Unproven {
         let mut unproven = Self::default();
         unproven.link(&model.link);
         unproven.timing(&model.timing);
-        unproven.add("functions", &model.functions);
-        unproven.add("words in one read", &model.read.max_words);
-        unproven.add_some("longest frame", model.read.max_bytes.as_ref());
-        unproven.add_some("what holes show", model.read.holes.as_ref());
-        for area in &model.read.areas {
-            unproven.add(
-                format!("words in one read from 0x{:04X} on", area.from),
-                &area.max_words,
-            );
-        }
-        unproven.add_some(
-            "words in one read in ASCII",
-            model.read.max_words_ascii.as_ref(),
-        );
-        unproven.add("what a refused write looks like", &model.write.refused);
-        unproven.add_some(
-            "writes of a block",
-            model.write.block.as_ref().map(|block| &block.count),
-        );
-        for exception in &model.exceptions {
-            unproven.note(
-                format!("exception {:02X} hex", exception.code),
-                exception.confidence,
-            );
-        }
+        unproven.reads(model);
+        unproven.writes(model);
         unproven.quirks(&model.quirks);
         unproven.barriers(&model.barriers);
         if let Some(run) = &model.run {
             unproven.run(run);
         }
-        for status in &model.status {
-            let what = format!("status `{}`", word_for(&FLAGS, &status.flag));
-            unproven.add_some(
-                &format!("other words of {what}"),
-                status.others_clear.as_ref(),
-            );
-            unproven.note(what, status.confidence);
-        }
-        for trip in &model.trip_codes {
-            unproven.note(format!("text of trip {}", trip.code), trip.confidence);
-        }
-        for warning in &model.warning_codes {
-            unproven.note(
-                format!("text of warning {}", warning.code),
-                warning.confidence,
-            );
-        }
-        for item in &model.setup {
-            unproven.add(format!("set-up of {}", item.what), &item.values);
-        }
-        for word in model.commit.all() {
-            unproven.add(
-                format!("the word to {} parameters", word.value.effect.word()),
-                word,
-            );
-        }
-        unproven.add_some(
-            "what the drive says it is",
-            model.identity.as_ref().map(|it| &it.values),
-        );
-        unproven.add_some(
-            "what switches the drive's watchdog off",
-            model.watchdog.as_ref().map(|it| &it.off),
-        );
-        match &model.codes {
-            Some(
-                CodeRule::Groups { origin, .. }
-                | CodeRule::Linear { origin, .. }
-                | CodeRule::Hexadecimal(origin),
-            ) => {
-                unproven.add("how codes are addresses", origin);
-            }
-            None => {}
-        }
-        for register in &model.registers {
-            unproven.note(format!("register `{}`", register.name), register.confidence);
-            if register.confidence.is_proven() {
-                for part in &register.not_stated {
-                    unproven.note(
-                        format!("{} of register `{}`", part.word(), register.name),
-                        Confidence::Inferred,
-                    );
-                }
-            }
-        }
+        unproven.meanings(model);
+        unproven.settings(model);
+        unproven.registers(model);
         unproven
     }
 
@@ -210,6 +135,37 @@ impl Unproven {
             timing.reply_char_bits.as_ref(),
         );
         self.add("latest reply after a time-out", &timing.max_lateness);
+    }
+
+    fn reads(&mut self, model: &Model) {
+        self.add("functions", &model.functions);
+        self.add("words in one read", &model.read.max_words);
+        self.add_some("longest frame", model.read.max_bytes.as_ref());
+        self.add_some("what holes show", model.read.holes.as_ref());
+        for area in &model.read.areas {
+            self.add(
+                format!("words in one read from 0x{:04X} on", area.from),
+                &area.max_words,
+            );
+        }
+        self.add_some(
+            "words in one read in ASCII",
+            model.read.max_words_ascii.as_ref(),
+        );
+    }
+
+    fn writes(&mut self, model: &Model) {
+        self.add("what a refused write looks like", &model.write.refused);
+        self.add_some(
+            "writes of a block",
+            model.write.block.as_ref().map(|block| &block.count),
+        );
+        for exception in &model.exceptions {
+            self.note(
+                format!("exception {:02X} hex", exception.code),
+                exception.confidence,
+            );
+        }
     }
 
     fn quirks(&mut self, quirks: &Quirks) {
@@ -265,6 +221,72 @@ impl Unproven {
                     format!("run command field 0x{:04X}", field.mask.value),
                     &field.mask,
                 );
+            }
+        }
+    }
+
+    /// What words of the drive mean.
+    fn meanings(&mut self, model: &Model) {
+        for status in &model.status {
+            let what = format!("status `{}`", word_for(&FLAGS, &status.flag));
+            self.add_some(
+                &format!("other words of {what}"),
+                status.others_clear.as_ref(),
+            );
+            self.note(what, status.confidence);
+        }
+        for trip in &model.trip_codes {
+            self.note(format!("text of trip {}", trip.code), trip.confidence);
+        }
+        for warning in &model.warning_codes {
+            self.note(
+                format!("text of warning {}", warning.code),
+                warning.confidence,
+            );
+        }
+    }
+
+    /// What has to be set, or to be written after it was.
+    fn settings(&mut self, model: &Model) {
+        for item in &model.setup {
+            self.add(format!("set-up of {}", item.what), &item.values);
+        }
+        for word in model.commit.all() {
+            self.add(
+                format!("the word to {} parameters", word.value.effect.word()),
+                word,
+            );
+        }
+        self.add_some(
+            "what the drive says it is",
+            model.identity.as_ref().map(|it| &it.values),
+        );
+        self.add_some(
+            "what switches the drive's watchdog off",
+            model.watchdog.as_ref().map(|it| &it.off),
+        );
+    }
+
+    fn registers(&mut self, model: &Model) {
+        match &model.codes {
+            Some(
+                CodeRule::Groups { origin, .. }
+                | CodeRule::Linear { origin, .. }
+                | CodeRule::Hexadecimal(origin),
+            ) => {
+                self.add("how codes are addresses", origin);
+            }
+            None => {}
+        }
+        for register in &model.registers {
+            self.note(format!("register `{}`", register.name), register.confidence);
+            if register.confidence.is_proven() {
+                for part in &register.not_stated {
+                    self.note(
+                        format!("{} of register `{}`", part.word(), register.name),
+                        Confidence::Inferred,
+                    );
+                }
             }
         }
     }

@@ -244,13 +244,7 @@ impl OwnGateway {
         let thread = thread.map_err(Failure::failed)?;
         let told = tokio::time::timeout(STARTS_WITHIN, shown).await;
         let Ok(Ok(current)) = told else {
-            let why = thread
-                .is_finished()
-                .then(|| thread.join().ok())
-                .flatten()
-                .and_then(Result::err);
-            let why = why.map_or_else(|| "it does not start".to_owned(), |error| error.to_string());
-            return Err(Failure::failed(why));
+            return Err(Failure::failed(why_not_started(thread)));
         };
         let own = Self {
             directory,
@@ -306,6 +300,16 @@ impl OwnGateway {
             let _ = tokio::task::spawn_blocking(move || thread.join()).await;
         }
     }
+}
+
+/// Why the gateway of `thread` does not answer.
+fn why_not_started(thread: JoinHandle<Result<(), StartError>>) -> String {
+    let ended = thread
+        .is_finished()
+        .then(|| thread.join().ok())
+        .flatten()
+        .and_then(Result::err);
+    ended.map_or_else(|| "it does not start".to_owned(), |error| error.to_string())
 }
 
 /// Waits until the drive has answered.

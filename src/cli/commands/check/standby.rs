@@ -3,7 +3,7 @@
 use super::text::{list, ms};
 use crate::config::line_plan::{TakeOver, take_over};
 use crate::config::{LineSettings, line_plan};
-use crate::domain::standby::OnGatewayLost;
+use crate::domain::standby::{OnGatewayLost, StandbyPair};
 use crate::line::standby::{RANK_STEP, SIGNAL_AFTER};
 use std::fmt::{Result, Write};
 use std::time::Duration;
@@ -52,16 +52,22 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
     let Some(pair) = &line.standby else {
         return Ok(());
     };
-    let all = take_over(line, pair);
+    let longest = take_over(line, pair);
+    rule(text, line, pair, &longest)?;
+    writeln!(text, "    if {} is lost, at most after that:", pair.partner)?;
+    first_signal(text, pair, &longest)?;
+    let stopped: Vec<_> = stops(line)
+        .map(|(name, lost)| format!("{name} ({})", lost.word()))
+        .collect();
+    first_and_last_stop(text, &stopped, &longest)?;
+    fresh_values(text, line, stopped.is_empty(), &longest)
+}
+
+/// Who sends, who listens, and when this gateway takes `line` over.
+fn rule(text: &mut String, line: &LineSettings, pair: &StandbyPair, longest: &TakeOver) -> Result {
     let TakeOver {
-        times,
-        exchange,
-        begins,
-        first_stop,
-        last_stop,
-        settled,
-        fresh,
-    } = all;
+        times, exchange, ..
+    } = *longest;
     let (half, partner) = (&pair.half, &pair.partner);
     writeln!(
         text,
@@ -84,52 +90,77 @@ pub(super) fn describe(text: &mut String, line: &LineSettings) -> Result {
         "    {half} takes the line over after {} of silence (T3{})",
         ms(times.take_over_after),
         made_of(line)
-    )?;
-    writeln!(text, "    if {partner} is lost, at most after that:")?;
+    )
+}
+
+/// When this gateway sends for the first time.
+fn first_signal(text: &mut String, pair: &StandbyPair, longest: &TakeOver) -> Result {
+    let TakeOver {
+        times,
+        exchange,
+        begins,
+        ..
+    } = *longest;
     writeln!(
         text,
-        "      {}: {half} has said that it sends (a last reply {}, T3, up to {} if both gave the line up, a signal)",
+        "      {}: {} has said that it sends (a last reply {}, T3, up to {} if both gave the line up, a signal)",
         ms(begins),
+        pair.half,
         ms(exchange),
         ms(times
             .worst_take_over()
             .saturating_sub(times.take_over_after)),
-    )?;
-    let stopped: Vec<_> = stops(line)
-        .map(|(name, lost)| format!("{name} ({})", lost.word()))
-        .collect();
+    )
+}
+
+/// When the drives in `stopped` are stopped.
+fn first_and_last_stop(text: &mut String, stopped: &[String], longest: &TakeOver) -> Result {
     if stopped.is_empty() {
-        writeln!(
+        return writeln!(
             text,
             "      no STOP: `on_gateway_lost` stops no drive of the line"
-        )?;
-    } else {
+        );
+    }
+    writeln!(
+        text,
+        "      {}: the first STOP starts (and the bound of a stop on the line)",
+        ms(longest.first_stop)
+    )?;
+    if stopped.len() > 1 {
         writeln!(
             text,
-            "      {}: the first STOP starts (and the bound of a stop on the line)",
-            ms(first_stop)
-        )?;
-        if stopped.len() > 1 {
-            writeln!(
-                text,
-                "      {}: the last of {} STOPs starts",
-                ms(last_stop),
-                stopped.len()
-            )?;
-        }
-        writeln!(
-            text,
-            "        for those that were ordered to run: {}",
-            list(&stopped)
+            "      {}: the last of {} STOPs starts",
+            ms(longest.last_stop),
+            stopped.len()
         )?;
     }
+    writeln!(
+        text,
+        "        for those that were ordered to run: {}",
+        list(stopped)
+    )
+}
+
+/// When everything has been read again, and commands are accepted.
+fn fresh_values(
+    text: &mut String,
+    line: &LineSettings,
+    stops_none: bool,
+    longest: &TakeOver,
+) -> Result {
+    let TakeOver {
+        last_stop,
+        settled,
+        fresh,
+        ..
+    } = *longest;
     let refresh = ms(line_plan::refresh(line).time);
     let waits = if settled > last_stop {
         format!("no late reply is possible after {}, ", ms(settled))
     } else {
         String::new()
     };
-    let effect = if stopped.is_empty() {
+    let effect = if stops_none {
         ""
     } else {
         "the effect of each STOP is read, "
