@@ -400,6 +400,29 @@ fn actions(
     model: &Model,
     problems: &mut Vec<Problem>,
 ) {
+    named_actions(accepted, file, model, problems);
+    let OptionalKey::Valid(listed) = &file.accept_unverified else {
+        return;
+    };
+    lists::once(&listed.value, problems);
+    for Spanned {
+        value: action,
+        location,
+    } in &listed.value
+    {
+        if let Some(what) = why_nothing_to_accept(*action, file, directions, model) {
+            problems.push(location.problem(what).right("leave it out").warning());
+        }
+    }
+}
+
+/// The actions that other keys of the section name.
+fn named_actions(
+    accepted: Acceptance<'_>,
+    file: &ControlFile,
+    model: &Model,
+    problems: &mut Vec<Problem>,
+) {
     let reverse = file
         .directions
         .valid()
@@ -445,34 +468,33 @@ fn actions(
             ),
         }
     }
-    let OptionalKey::Valid(listed) = &file.accept_unverified else {
-        return;
-    };
-    lists::once(&listed.value, problems);
-    for Spanned {
-        value: action,
-        location,
-    } in &listed.value
-    {
-        let word = action.word();
-        let what = match has(model, *action) {
-            Has::No => format!("{} has no {word}, so there is nothing to accept", model.id),
-            Has::Proven(it) => {
-                format!(
-                    "{word} is proven for {} ({}), so there is nothing to accept",
-                    model.id,
-                    it.word()
-                )
-            }
-            Has::Unproven(_) if *action == ControlAction::Reverse && !may_reverse(directions) => {
-                "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned()
-            }
-            Has::Unproven(_) if *action == ControlAction::Release && !may_release(file) => {
-                "`allow_release` is not true, so there is nothing to accept".to_owned()
-            }
-            Has::Unproven(_) => continue,
-        };
-        problems.push(location.problem(what).right("leave it out").warning());
+}
+
+/// Why an acceptance of `action` has no effect; `None` if it has.
+fn why_nothing_to_accept(
+    action: ControlAction,
+    file: &ControlFile,
+    directions: Option<&[Direction]>,
+    model: &Model,
+) -> Option<String> {
+    let word = action.word();
+    match has(model, action) {
+        Has::No => Some(format!(
+            "{} has no {word}, so there is nothing to accept",
+            model.id
+        )),
+        Has::Proven(it) => Some(format!(
+            "{word} is proven for {} ({}), so there is nothing to accept",
+            model.id,
+            it.word()
+        )),
+        Has::Unproven(_) if action == ControlAction::Reverse && !may_reverse(directions) => Some(
+            "`directions` does not allow \"reverse\", so there is nothing to accept".to_owned(),
+        ),
+        Has::Unproven(_) if action == ControlAction::Release && !may_release(file) => {
+            Some("`allow_release` is not true, so there is nothing to accept".to_owned())
+        }
+        Has::Unproven(_) => None,
     }
 }
 

@@ -64,52 +64,21 @@ fn one(
     }
     let is_tcp =
         matches!(&serial.port, Some(port) if matches!(port.value, PortAddress::Tcp { .. }));
-    if let Some(direction) = serial.direction.valid().filter(|_| is_tcp) {
-        let what =
-            "has no effect: the direction is turned by the serial device server, not from here";
-        problems.push(
-            direction
-                .location
-                .problem(what)
-                .right("leave it out")
-                .warning(),
-        );
-    }
+    may_turn(serial, is_tcp, problems);
     let link = LinkSettings {
         baud: serial.baud.as_ref()?.value,
         data_bits: serial.data_bits.or(8)?,
         parity: serial.parity.as_ref()?.value,
         stop_bits: serial.stop_bits.or(1)?,
     };
-    let answer_within = serial.answer_within.or(DEFAULT_ANSWER_WITHIN)?;
-    let least = serial::least_answer_within(link, framing?);
-    if answer_within < least {
-        let location = match &serial.answer_within {
-            OptionalKey::Valid(written) => written.location.clone(),
-            _ => serial.location.missing("answer_within"),
-        };
-        let what = format!(
-            "{} is too short at {link}: the silence before an exception and the exception itself take longer",
-            duration_text(answer_within)
-        );
-        let rounded = Duration::from_millis(
-            u64::try_from(least.as_millis())
-                .unwrap_or(u64::MAX)
-                .saturating_add(1),
-        );
-        problems.push(
-            location
-                .problem(what)
-                .right(format!("at least \"{}\"", duration_text(rounded))),
-        );
-        return None;
-    }
+    let framing = framing?;
+    let answer_within = answer_within(serial, link, framing, problems)?;
     let direction = serial.direction.or(DirectionControl::Adapter)?;
     Some(SerialMasterSettings {
         name: serial.name.as_ref()?.value,
         port: serial.port.as_ref()?.value.clone(),
         link,
-        framing: framing?,
+        framing,
         direction: if is_tcp {
             DirectionControl::Adapter
         } else {
@@ -135,6 +104,21 @@ fn may_stop(serial: &SerialFile, problems: &mut Vec<Problem>) {
     }
 }
 
+/// Only a serial line has a direction that is turned from here.
+fn may_turn(serial: &SerialFile, is_tcp: bool, problems: &mut Vec<Problem>) {
+    if let Some(direction) = serial.direction.valid().filter(|_| is_tcp) {
+        let what =
+            "has no effect: the direction is turned by the serial device server, not from here";
+        problems.push(
+            direction
+                .location
+                .problem(what)
+                .right("leave it out")
+                .warning(),
+        );
+    }
+}
+
 /// Only who may write has a lease to renew.
 fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
     let may_write = !matches!(serial.allow_write.or(false), Some(false));
@@ -153,6 +137,39 @@ fn may_renew(serial: &SerialFile, problems: &mut Vec<Problem>) {
                 .warning(),
         );
     }
+}
+
+/// The time that is left for an answer; `None` if it is too short on such a link, see `problems`.
+fn answer_within(
+    serial: &SerialFile,
+    link: LinkSettings,
+    framing: Framing,
+    problems: &mut Vec<Problem>,
+) -> Option<Duration> {
+    let answer_within = serial.answer_within.or(DEFAULT_ANSWER_WITHIN)?;
+    let least = serial::least_answer_within(link, framing);
+    if answer_within < least {
+        let location = match &serial.answer_within {
+            OptionalKey::Valid(written) => written.location.clone(),
+            _ => serial.location.missing("answer_within"),
+        };
+        let what = format!(
+            "{} is too short at {link}: the silence before an exception and the exception itself take longer",
+            duration_text(answer_within)
+        );
+        let rounded = Duration::from_millis(
+            u64::try_from(least.as_millis())
+                .unwrap_or(u64::MAX)
+                .saturating_add(1),
+        );
+        problems.push(
+            location
+                .problem(what)
+                .right(format!("at least \"{}\"", duration_text(rounded))),
+        );
+        return None;
+    }
+    Some(answer_within)
 }
 
 fn serving(serial: &SerialFile, lines: &BTreeSet<usize>) -> Option<ListenerSettings> {
