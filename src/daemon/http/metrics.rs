@@ -78,39 +78,8 @@ impl Collector for Scrape {
         })?;
         self.stations(&mut encoder, &shared)?;
         self.registers(&mut encoder, &drives)?;
-        each(&mut encoder, table::MODBUS, || {
-            [(Vec::new(), state.modbus.as_ref())]
-        })?;
-        let serial = state.modbus.serial().all();
-        each(&mut encoder, table::SERIAL, || {
-            serial
-                .iter()
-                .map(|it| (vec![("master", it.master())], it.as_ref()))
-        })?;
-        let reads = state.modbus.reads().all();
-        each(&mut encoder, table::READS, || {
-            reads
-                .iter()
-                .map(|it| (vec![("listener", it.listener())], it.as_ref()))
-        })?;
-        self.exceptions(&mut encoder)?;
-        if let Some(mqtt) = state.mqtt.load().as_ref() {
-            each(&mut encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;
-        }
-        if let Some(sparkplug) = state.sparkplug.load().as_ref() {
-            each(&mut encoder, table::SPARKPLUG, || {
-                [(Vec::new(), sparkplug.as_ref())]
-            })?;
-        }
-        if let Some(socket) = &state.socket {
-            each(&mut encoder, table::SOCKET, || {
-                [(Vec::new(), socket.as_ref())]
-            })?;
-        }
-        if let Some(report) = state.journal.as_ref().map(|journal| journal.report()) {
-            each(&mut encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
-        }
-        Ok(())
+        self.modbus(&mut encoder)?;
+        self.beside_lines(&mut encoder)
     }
 }
 
@@ -207,6 +176,45 @@ impl Scrape {
                     Value::Count(count),
                 )?;
             }
+        }
+        Ok(())
+    }
+
+    /// The Modbus servers, TCP and serial, and what was read of them.
+    fn modbus(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        each(encoder, table::MODBUS, || {
+            [(Vec::new(), self.state.modbus.as_ref())]
+        })?;
+        let serial = self.state.modbus.serial().all();
+        each(encoder, table::SERIAL, || {
+            serial
+                .iter()
+                .map(|it| (vec![("master", it.master())], it.as_ref()))
+        })?;
+        let reads = self.state.modbus.reads().all();
+        each(encoder, table::READS, || {
+            reads
+                .iter()
+                .map(|it| (vec![("listener", it.listener())], it.as_ref()))
+        })?;
+        self.exceptions(encoder)
+    }
+
+    /// The brokers, the local socket and the journal.
+    fn beside_lines(&self, encoder: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        if let Some(mqtt) = self.state.mqtt.load().as_ref() {
+            each(encoder, table::MQTT, || [(Vec::new(), mqtt.as_ref())])?;
+        }
+        if let Some(sparkplug) = self.state.sparkplug.load().as_ref() {
+            each(encoder, table::SPARKPLUG, || {
+                [(Vec::new(), sparkplug.as_ref())]
+            })?;
+        }
+        if let Some(socket) = &self.state.socket {
+            each(encoder, table::SOCKET, || [(Vec::new(), socket.as_ref())])?;
+        }
+        if let Some(report) = self.state.journal.as_ref().map(|journal| journal.report()) {
+            each(encoder, table::JOURNAL, || [(Vec::new(), &report)])?;
         }
         Ok(())
     }

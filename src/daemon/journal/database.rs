@@ -201,16 +201,13 @@ impl Database {
         let mut last_availability = self.last_availability;
         let transaction = self.connection.transaction()?;
         if self.is_in_doubt {
-            let rows = [
+            let known = [
                 (Table::Event, last_event),
                 (Table::Availability, last_availability),
                 (Table::Audit, self.audit_base + book.audit.kept()),
             ];
-            for (table, last) in rows {
-                transaction.execute(
-                    &format!("DELETE FROM {} WHERE number > ?", table.name()),
-                    [last],
-                )?;
+            for (table, last) in known {
+                remove_behind(&transaction, table, last)?;
             }
         }
         for event in book.events() {
@@ -232,32 +229,8 @@ impl Database {
                 },
             )?;
         }
-        for (number, change) in book.audit.waiting() {
-            match change {
-                Change::Put(record) => {
-                    put(&transaction, Table::Audit, &record.row(self.audit_base))?
-                }
-                Change::Remove => {
-                    let mut remove =
-                        transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
-                    remove.execute([self.audit_base + number])?;
-                }
-            }
-        }
-        for (name, memory) in book.memory() {
-            let name = name.as_str();
-            let body = memory.to_json();
-            let mut put =
-                transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
-            put.execute(params![name, body, memory_crc(name, &body)])?;
-        }
-        for (name, day, usage) in book.days.waiting() {
-            days::put(&transaction, name.as_str(), day, &usage)?;
-        }
-        for name in book.forgotten() {
-            transaction.execute("DELETE FROM drive WHERE name = ?", [name.as_str()])?;
-            transaction.execute("DELETE FROM day WHERE drive = ?", [name.as_str()])?;
-        }
+        put_audit(&transaction, book, self.audit_base)?;
+        put_drives(&transaction, book)?;
         events::mark(&transaction, taken, events::TAKEN)?;
         transaction.commit()?;
         self.last_event = last_event;
@@ -415,6 +388,46 @@ impl Database {
         self.connection
             .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))
     }
+}
+
+/// Removes the rows of `table` behind the number `last`.
+fn remove_behind(transaction: &Transaction<'_>, table: Table, last: u64) -> Result<(), Error> {
+    let sql = format!("DELETE FROM {} WHERE number > ?", table.name());
+    transaction.execute(&sql, [last]).map(drop)
+}
+
+/// Writes the changes of the audit, whose numbers count from `base`.
+fn put_audit(transaction: &Transaction<'_>, book: &Book, base: u64) -> Result<(), Error> {
+    for (number, change) in book.audit.waiting() {
+        match change {
+            Change::Put(record) => put(transaction, Table::Audit, &record.row(base))?,
+            Change::Remove => {
+                let mut remove =
+                    transaction.prepare_cached("DELETE FROM audit WHERE number = ?")?;
+                remove.execute([base + number])?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Writes what is remembered of drives and of their days, and forgets those that are gone.
+fn put_drives(transaction: &Transaction<'_>, book: &Book) -> Result<(), Error> {
+    for (name, memory) in book.memory() {
+        let name = name.as_str();
+        let body = memory.to_json();
+        let mut put =
+            transaction.prepare_cached("INSERT OR REPLACE INTO drive VALUES (?, ?, ?)")?;
+        put.execute(params![name, body, memory_crc(name, &body)])?;
+    }
+    for (name, day, usage) in book.days.waiting() {
+        days::put(transaction, name.as_str(), day, &usage)?;
+    }
+    for name in book.forgotten() {
+        transaction.execute("DELETE FROM drive WHERE name = ?", [name.as_str()])?;
+        transaction.execute("DELETE FROM day WHERE drive = ?", [name.as_str()])?;
+    }
+    Ok(())
 }
 
 fn put(transaction: &Transaction<'_>, table: Table, row: &Row) -> Result<(), Error> {

@@ -85,81 +85,92 @@ fn body(row: &Row) -> Value {
     serde_json::from_str(&row.body).unwrap_or(Value::Null)
 }
 
-/// The text of a row, without time and name.
-fn words(row: &Row, body: &Value) -> String {
-    let word = |key: &str| body[key].as_str().unwrap_or("?").to_owned();
+fn word(body: &Value, key: &str) -> String {
+    body[key].as_str().unwrap_or("?").to_owned()
+}
+
+fn attempt(body: &Value) -> String {
+    let outcome = body["outcome"].as_str().unwrap_or("no end is known");
+    let reason = body["reason"].as_str().filter(|reason| *reason != "none");
+    let reason = reason
+        .map(|reason| format!(", {reason}"))
+        .unwrap_or_default();
+    let holder = body["holder"]
+        .as_str()
+        .map(|holder| format!(" ({holder})"))
+        .unwrap_or_default();
     let times = match body["count"].as_u64() {
         Some(count) if count > 1 => format!(" ({count} times)"),
         _ => String::new(),
     };
+    format!(
+        "{}: {}: {outcome}{reason}{holder}{times}",
+        body["by"].as_str().unwrap_or("unknown"),
+        word(body, "tried")
+    )
+}
+
+fn fail_safe(body: &Value) -> String {
+    // Rows of versions before 0.9 have no stage.
+    let stage = body["stage"]
+        .as_str()
+        .map(|stage| format!(" ({})", stage.replace('_', " ")));
+    format!(
+        "fail-safe action {}{}: {}",
+        word(body, "tried"),
+        stage.unwrap_or_default(),
+        word(body, "cause")
+    )
+}
+
+fn may_still_run(body: &Value) -> String {
+    let hertz = body["output_hz"]
+        .as_f64()
+        .map(|hertz| format!(" at {hertz:.2} Hz"))
+        .unwrap_or_default();
+    let seen = body["run_state"]
+        .as_str()
+        .map(|state| format!(", last seen {state}{hertz}"));
+    format!("out of sight{}: it may still run", seen.unwrap_or_default())
+}
+
+fn tripped(number: u64, body: &Value) -> String {
+    let away = if body["while_away"] == true {
+        " while away"
+    } else {
+        ""
+    };
+    let text = body["text"]
+        .as_str()
+        .map(|text| format!(": {text}"))
+        .unwrap_or_default();
+    let code = body["code"]
+        .as_u64()
+        .map_or_else(|| "?".to_owned(), |code| code.to_string());
+    let after = body["running_hours"]
+        .as_f64()
+        .map(|hours| format!(", after {hours} running hours"));
+    format!(
+        "tripped{away}, code {code}{text}{} (event {number})",
+        after.unwrap_or_default()
+    )
+}
+
+/// The text of a row, without time and name.
+fn words(row: &Row, body: &Value) -> String {
+    let word = |key| word(body, key);
     let said = match row.kind.as_str() {
-        "attempt" => {
-            let outcome = body["outcome"].as_str().unwrap_or("no end is known");
-            let reason = body["reason"].as_str().filter(|reason| *reason != "none");
-            let reason = reason
-                .map(|reason| format!(", {reason}"))
-                .unwrap_or_default();
-            let holder = body["holder"]
-                .as_str()
-                .map(|holder| format!(" ({holder})"))
-                .unwrap_or_default();
-            format!(
-                "{}: {}: {outcome}{reason}{holder}{times}",
-                body["by"].as_str().unwrap_or("unknown"),
-                word("tried")
-            )
-        }
-        "failsafe" => {
-            // Rows of versions before 0.9 have no stage.
-            let stage = body["stage"]
-                .as_str()
-                .map(|stage| format!(" ({})", stage.replace('_', " ")));
-            format!(
-                "fail-safe action {}{}: {}",
-                word("tried"),
-                stage.unwrap_or_default(),
-                word("cause")
-            )
-        }
+        "attempt" => attempt(body),
+        "failsafe" => fail_safe(body),
         "lease" => lease(body, &word("by")),
         "usage_reset" => format!(
             "{} set energy, running hours, starts and trips back to 0",
             word("by")
         ),
-        "may_still_run" => {
-            let hertz = body["output_hz"]
-                .as_f64()
-                .map(|hertz| format!(" at {hertz:.2} Hz"))
-                .unwrap_or_default();
-            let seen = body["run_state"]
-                .as_str()
-                .map(|state| format!(", last seen {state}{hertz}"));
-            format!("out of sight{}: it may still run", seen.unwrap_or_default())
-        }
+        "may_still_run" => may_still_run(body),
         "standstill_confirmed" => format!("{} confirmed that the motor stands", word("by")),
         "stop_given_up" => "a STOP was given up: the drive stayed offline".to_owned(),
-        "tripped" => {
-            let away = if body["while_away"] == true {
-                " while away"
-            } else {
-                ""
-            };
-            let text = body["text"]
-                .as_str()
-                .map(|text| format!(": {text}"))
-                .unwrap_or_default();
-            let code = body["code"]
-                .as_u64()
-                .map_or_else(|| "?".to_owned(), |code| code.to_string());
-            let after = body["running_hours"]
-                .as_f64()
-                .map(|hours| format!(", after {hours} running hours"));
-            format!(
-                "tripped{away}, code {code}{text}{} (event {})",
-                after.unwrap_or_default(),
-                row.number
-            )
-        }
+        "tripped" => tripped(row.number, body),
         "cleared" => format!("trip cleared (event {})", row.number),
         _ => {
             let reason = body["reason"]

@@ -20,9 +20,11 @@ use super::{Packet, Protocol, tls};
 use crate::daemon::host::clock;
 use crate::daemon::host::stall::{LOOK_EVERY, Turns};
 use crate::north::broker::{Event, Refusal};
+use rustls::ClientConfig;
 use std::cell::RefCell;
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
+use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 use tokio::sync::Notify;
@@ -168,23 +170,9 @@ impl<T: Protocol> Client<'_, T> {
                 return End::Stopped;
             }
         }
-        let tls = match self
-            .attend(
-                pin!(tls::read(self.settings.tls.clone())),
-                None,
-                stop.as_mut(),
-            )
-            .await
-        {
-            Outcome::Done(Ok(tls)) => tls,
-            Outcome::Done(Err(reason)) => return End::Broken(Broken::unsent(reason), None),
-            Outcome::Stopped => return End::Stopped,
-            Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
-                return End::Broken(Broken::unsent(reason), None);
-            }
-            Outcome::Overdue => {
-                return End::Broken(Broken::unsent("the TLS files cannot be read in time"), None);
-            }
+        let tls = match self.read_tls(stop.as_mut()).await {
+            Ok(tls) => tls,
+            Err(end) => return end,
         };
         let will = self.talk.borrow().will();
         let (sender, mut events) = link::open(&self.settings, will, tls);
@@ -229,6 +217,26 @@ impl<T: Protocol> Client<'_, T> {
             if let Some(how) = self.send() {
                 return self.give_up(&mut events, how).await;
             }
+        }
+    }
+
+    /// The TLS configuration, read while the talk gets its ticks; how the connection ended if it cannot be read.
+    async fn read_tls<S: Future<Output = ()>>(
+        &mut self,
+        stop: Pin<&mut S>,
+    ) -> Result<Option<Arc<ClientConfig>>, End> {
+        let read = pin!(tls::read(self.settings.tls.clone()));
+        match self.attend(read, None, stop).await {
+            Outcome::Done(Ok(tls)) => Ok(tls),
+            Outcome::Done(Err(reason)) => Err(End::Broken(Broken::unsent(reason), None)),
+            Outcome::Stopped => Err(End::Stopped),
+            Outcome::GivenUp(GivenUp::Dropped(reason) | GivenUp::Left(reason)) => {
+                Err(End::Broken(Broken::unsent(reason), None))
+            }
+            Outcome::Overdue => Err(End::Broken(
+                Broken::unsent("the TLS files cannot be read in time"),
+                None,
+            )),
         }
     }
 

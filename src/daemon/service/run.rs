@@ -14,6 +14,7 @@ use crate::daemon::lines;
 use crate::daemon::lines::threads::Lines;
 use crate::daemon::mqtt::broker_child::BrokerChild;
 use crate::daemon::service::build;
+use crate::daemon::service::conversations::BrokerSide;
 use crate::daemon::service::embedded_broker::embedded_broker;
 use crate::daemon::service::north::{self, North, ToolConnections};
 use crate::daemon::service::notify;
@@ -193,19 +194,7 @@ async fn start(
     };
     let broker = embedded_broker(config)?;
     let broker_at = broker.as_ref().map(BrokerChild::address);
-    let mqtt = config
-        .mqtt
-        .as_ref()
-        .map(|mqtt| {
-            build::broker(
-                mqtt,
-                (&name, config.standby.as_ref()),
-                data_dir.as_deref(),
-                broker_at,
-            )
-        })
-        .transpose();
-    let broker_side = mqtt.map_err(StartError::Mqtt)?;
+    let broker_side = broker_side(config, &name, broker_at)?;
     let (listening, http) = bound.addresses()?;
     let changed = Arc::clone(&shared.changed);
     let (journal, memory) = begun_journal(config, &sides, &changed)?;
@@ -247,6 +236,21 @@ async fn start(
         loader,
     };
     Ok((gateway, (listening, http, broker_at)))
+}
+
+/// The side of the broker, if one is configured; an embedded one listens at `embedded`.
+fn broker_side(
+    config: &Config,
+    name: &Name,
+    embedded: Option<SocketAddr>,
+) -> Result<Option<BrokerSide>, StartError> {
+    let Some(mqtt) = &config.mqtt else {
+        return Ok(None);
+    };
+    let data_dir = config.gateway.data_dir.as_deref();
+    build::broker(mqtt, (name, config.standby.as_ref()), data_dir, embedded)
+        .map(Some)
+        .map_err(StartError::Mqtt)
 }
 
 async fn reload_on_hangup(mut hangup: Signal, reloads: Reloads) {

@@ -72,11 +72,7 @@ pub(super) async fn command(
     match wish(&body, setpoint_step(&drive.description.model)) {
         Ok(mut wish) => {
             if !is_allowed {
-                // What stands beside the stop is not this user's to order.
-                wish.takes = false;
-                if let Some(Order::Stop { setpoint }) = &mut wish.order {
-                    *setpoint = None;
-                }
+                leave_the_stop_alone(&mut wish);
             }
             let old = old
                 .filter(|_| !wish.order.as_ref().is_some_and(Order::is_stop))
@@ -88,15 +84,7 @@ pub(super) async fn command(
                 }
                 None => (carry_out(&control, who, drive, &wish).await, wish.beside),
             };
-            let mut answer = told(drive, report);
-            if let Some(message) = message {
-                // What stands beside a stop is more than the reason says.
-                if report.reason != Reason::Stale {
-                    answer["said"] = Value::Null;
-                }
-                answer["message"] = message.into();
-            }
-            json(&answer).into_response()
+            json(&told_with(drive, report, message)).into_response()
         }
         Err(Refused { reason, message }) => {
             keep(reason);
@@ -105,6 +93,14 @@ pub(super) async fn command(
             answer["error"] = message.into();
             (StatusCode::BAD_REQUEST, json(&answer)).into_response()
         }
+    }
+}
+
+/// What stands beside the stop is not this user's to order.
+fn leave_the_stop_alone(wish: &mut PageCommand) {
+    wish.takes = false;
+    if let Some(Order::Stop { setpoint }) = &mut wish.order {
+        *setpoint = None;
     }
 }
 
@@ -279,6 +275,19 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
         told["said"] = said.document();
     }
     told
+}
+
+/// The outcome of an order, with what else there is to say.
+fn told_with(drive: &SharedDrive, report: Report, message: Option<String>) -> Value {
+    let mut answer = told(drive, report);
+    if let Some(message) = message {
+        // What stands beside a stop is more than the reason says.
+        if report.reason != Reason::Stale {
+            answer["said"] = Value::Null;
+        }
+        answer["message"] = message.into();
+    }
+    answer
 }
 
 /// The drive called `name`.
