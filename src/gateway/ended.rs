@@ -11,7 +11,7 @@ use crate::domain::native::NativeOutcome;
 use crate::domain::time::MonoTime;
 use crate::domain::traffic::{HeardFrame, TrafficKind};
 use crate::drive::snapshot::Presence;
-use crate::line::exchange::{Ending, Exchange, answers};
+use crate::line::exchange::{Ending, Exchange, Heard, answers};
 use crate::line::fault::{Fault, consequence};
 use crate::line::schedule::ReadJob;
 use crate::line::station::{Missing, Stray};
@@ -24,6 +24,22 @@ use std::time::Duration;
 /// How long a drive that is busy is left alone. A stop does not wait for that.
 pub(super) const BUSY_REST: Duration = Duration::from_millis(200);
 
+/// An exchange that is over, and what its end is worth.
+struct Over {
+    flight: Flight,
+    exchange: Exchange,
+    ending: Ending,
+    /// What the drive means by it if that is an exception.
+    kind: Option<ExceptionKind>,
+    fault: Option<Fault>,
+    /// Its reply may be to another request, or another drive's.
+    doubt: bool,
+    /// Its reply may be a mere echo.
+    proves_nothing: bool,
+    /// Until when its reply may still arrive.
+    until: MonoTime,
+}
+
 impl LineCore {
     pub(super) fn ended(
         &mut self,
@@ -32,15 +48,19 @@ impl LineCore {
         ending: Ending,
     ) -> Option<Done> {
         let flight = self.flight.take()?;
-        let drive = &self.drives[flight.drive];
-        let until = drive.may_come_until(now, flight.request_end, &exchange.request, &self.timing);
-        let is_jammed = self.health.is_jammed();
-        let is_unreachable = self.is_unreachable(flight.drive, &ending);
+        let drive = flight.drive;
+        let silence = self.silence(&flight, &ending);
+        let until = self.drives[drive].may_come_until(
+            now,
+            flight.request_end,
+            &exchange.request,
+            &self.timing,
+        );
         let is_spoilt = flight.is_spoilt && ending != Ending::Silent;
         if let Some((reply, late)) = flight.wrong_reply {
             self.came_instead(
                 now,
-                flight.drive,
+                drive,
                 (&exchange.request, reply),
                 late,
                 ending == Ending::Silent,
@@ -51,45 +71,77 @@ impl LineCore {
         if !proves_nothing {
             self.learn(&flight, &exchange, &ending);
         }
-        let Flight {
-            drive,
-            purpose,
-            was_silent,
-            sent_at,
-            request_end,
-            noise,
-            ..
-        } = flight;
-        let doubt = flight.doubt || is_spoilt;
-        self.counters.busy_us += u64::try_from(now.since(sent_at).as_micros()).unwrap_or(0);
+        self.counters.busy_us += u64::try_from(now.since(flight.sent_at).as_micros()).unwrap_or(0);
         self.count_end(drive, &exchange.request, &ending);
-        let is_silent_write = takes_in_silence(&self.drives[drive].setup.model, &exchange.request);
-        let fault = match fault_of(&ending) {
-            // That is how the drive takes it; for how long it hears nothing then is known.
-            Some(Fault::Silent) if is_silent_write => Some(Fault::Deaf),
-            Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
-            Some(Fault::Silent) if now <= self.drives[drive].station.rests_until() => {
-                Some(Fault::Deaf)
-            }
-            Some(Fault::Silent) if is_jammed || matches!(purpose, Purpose::Trial(_)) => {
-                Some(Fault::Ignored)
-            }
-            Some(Fault::Silent) if is_unreachable => Some(Fault::Unreachable),
-            fault => fault,
-        };
-        let missing = || Missing {
-            request: exchange.request.clone(),
-            sent_at: request_end,
+        let fault = self.fault(now, drive, (&exchange.request, &ending, kind), silence);
+        let over = Over {
+            doubt: flight.doubt || is_spoilt,
+            flight,
+            exchange,
+            ending,
+            kind,
+            fault,
+            proves_nothing,
             until,
         };
-        match fault {
+        self.drive_learns(now, &over);
+        // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
+        let shown_by_others = self.listens() && self.drives[drive].work.is_read_by_others(now);
+        let doubt = (over.doubt || proves_nothing) && !shown_by_others;
+        let done = self.done(&over);
+        self.hand_on(now, over, doubt);
+        Some(done)
+    }
+
+    /// What a silence means where the exchange of `flight` ended with `ending`.
+    fn silence(&self, flight: &Flight, ending: &Ending) -> Fault {
+        if self.health.is_jammed() || matches!(flight.purpose, Purpose::Trial(_)) {
+            Fault::Ignored
+        } else if self.is_unreachable(flight.drive, ending) {
+            Fault::Unreachable
+        } else {
+            Fault::Silent
+        }
+    }
+
+    /// What went wrong in an exchange in which a silence means `silence`.
+    fn fault(
+        &self,
+        now: MonoTime,
+        drive: DriveIndex,
+        (request, ending, kind): (&Request, &Ending, Option<ExceptionKind>),
+        silence: Fault,
+    ) -> Option<Fault> {
+        let drive = &self.drives[drive];
+        match fault_of(ending) {
+            // That is how the drive takes it; for how long it hears nothing then is known.
+            Some(Fault::Silent) if takes_in_silence(&drive.setup.model, request) => {
+                Some(Fault::Deaf)
+            }
+            Some(_) if kind == Some(ExceptionKind::DamagedFrame) => Some(Fault::DamagedRequest),
+            Some(Fault::Silent) if now <= drive.station.rests_until() => Some(Fault::Deaf),
+            Some(Fault::Silent) => Some(silence),
+            fault => fault,
+        }
+    }
+
+    /// What follows for the station and for what is known of its drive.
+    fn drive_learns(&mut self, now: MonoTime, over: &Over) {
+        let drive = over.flight.drive;
+        let request = &over.exchange.request;
+        let missing = || Missing {
+            request: request.clone(),
+            sent_at: over.flight.request_end,
+            until: over.until,
+        };
+        match over.fault {
             // It may not be from the drive, whose reply may still arrive.
-            None if proves_nothing => self.drives[drive].station.reply_missing(missing(), now),
+            None if over.proves_nothing => self.drives[drive].station.reply_missing(missing(), now),
             None => {
                 self.drives[drive]
                     .station
-                    .exchange_ended(&exchange.request, noise > 1, now);
-                self.drives[drive].answered(now, doubt.then(missing));
+                    .exchange_ended(request, over.flight.noise > 1, now);
+                self.drives[drive].answered(now, over.doubt.then(missing));
                 self.drives[drive].set_presence(now, Presence::Online, &mut self.effects);
             }
             Some(fault) => {
@@ -99,29 +151,51 @@ impl LineCore {
                 }
             }
         }
-        if kind == Some(ExceptionKind::Busy) {
+        if over.kind == Some(ExceptionKind::Busy) {
             self.rest(drive, now + BUSY_REST);
         }
-        self.drives[drive].was_written(now, &exchange.request, &ending);
+        self.drives[drive].was_written(now, request, &over.ending);
         // One that says why tells nothing about the register.
-        if !proves_nothing && kind.is_none() {
-            self.drives[drive].tell_plan(now, &exchange.request, &ending, &mut self.effects);
+        if !over.proves_nothing && over.kind.is_none() {
+            self.drives[drive].tell_plan(now, request, &over.ending, &mut self.effects);
         }
-        // A listener does not read, so it does not know whether its adapter echoes; but others show it the effect of its stop.
-        let shown_by_others = self.listens() && self.drives[drive].work.is_read_by_others(now);
-        let doubt = (doubt || proves_nothing) && !shown_by_others;
-        let fault = if proves_nothing {
+    }
+
+    /// What the exchange says about the health of the line.
+    fn done(&self, over: &Over) -> Done {
+        let fault = if over.proves_nothing {
             Some(Fault::Stray)
         } else {
-            fault
+            over.fault
         };
-        let done = Done {
-            drive,
+        Done {
+            drive: over.flight.drive,
             fault,
             counts: matches!(fault, None | Some(Fault::Garbled | Fault::DamagedRequest))
-                || (matches!(fault, Some(Fault::Silent | Fault::Unreachable)) && !was_silent),
-            reply_bytes: self.timing.adu_bytes(exchange.request.reply_pdu_bytes()),
-        };
+                || (matches!(fault, Some(Fault::Silent | Fault::Unreachable))
+                    && !over.flight.was_silent),
+            reply_bytes: self
+                .timing
+                .adu_bytes(over.exchange.request.reply_pdu_bytes()),
+        }
+    }
+
+    /// Gives its words to the drive and its end to those who wait for it. `doubt`: its reply may be to another request.
+    fn hand_on(&mut self, now: MonoTime, over: Over, doubt: bool) {
+        let Over {
+            flight,
+            exchange,
+            ending,
+            kind,
+            ..
+        } = over;
+        let Flight {
+            drive,
+            purpose,
+            request_end,
+            noise,
+            ..
+        } = flight;
         // What a process finds after it was suspended had arrived in time.
         let read_at = self
             .wire
@@ -143,7 +217,6 @@ impl LineCore {
         );
         self.forget_the_silent(now, drive);
         self.confirm_share(now, answers, is_damaged);
-        Some(done)
     }
 
     /// What `ending` is worth, and what the drive means by it if that is an exception. A clean frame amid babble may be an
@@ -311,40 +384,9 @@ impl LineCore {
             let is_foreign = is_of_others && !self.is_own_signal(&heard.bytes);
             let rival =
                 ((is_no_echo || is_foreign) && self.share.is_some()).then(|| heard.bytes.clone());
-            match heard.kind {
-                TrafficKind::Echo if is_no_echo => {}
-                TrafficKind::Request => {}
-                TrafficKind::Reply => was_answered = true,
-                TrafficKind::Echo => self.counters.echoes += 1,
-                TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
-                TrafficKind::Stray(station) => {
-                    self.counters.strays += 1;
-                    self.learn_late(now, station, &heard.bytes);
-                    self.spoke(now, station, &heard.bytes, was_answered);
-                }
-                TrafficKind::Foreign(station) => {
-                    self.counters.foreign += 1;
-                    let flight = self
-                        .flight
-                        .as_mut()
-                        .filter(|_| station.0 == 0 && !was_answered);
-                    // No station has the number 0: it is what the addressed one says.
-                    flight
-                        .into_iter()
-                        .for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
-                    self.learn_late(now, station, &heard.bytes);
-                    self.spoke(now, station, &heard.bytes, was_answered);
-                }
-                TrafficKind::Noise => {
-                    self.counters.noise_bytes += heard.bytes.len() as u64;
-                    let flight = self
-                        .flight
-                        .as_mut()
-                        .filter(|flight| !was_answered && heard.end > flight.sent_at);
-                    flight
-                        .into_iter()
-                        .for_each(|flight| flight.noise += heard.bytes.len());
-                }
+            was_answered |= heard.kind == TrafficKind::Reply;
+            if !is_no_echo {
+                self.count_heard(now, &heard, was_answered);
             }
             if matches!(
                 heard.kind,
@@ -364,6 +406,43 @@ impl LineCore {
             // What follows is listened to.
             if let Some(frame) = rival {
                 self.hears_rival(now, &frame);
+            }
+        }
+    }
+
+    /// Counts a frame or noise, and takes from it what it says of its station and of the request on the wire.
+    fn count_heard(&mut self, now: MonoTime, heard: &Heard, was_answered: bool) {
+        match heard.kind {
+            TrafficKind::Request | TrafficKind::Reply => {}
+            TrafficKind::Echo => self.counters.echoes += 1,
+            TrafficKind::OtherMaster(_) => self.counters.other_master += 1,
+            TrafficKind::Stray(station) => {
+                self.counters.strays += 1;
+                self.learn_late(now, station, &heard.bytes);
+                self.spoke(now, station, &heard.bytes, was_answered);
+            }
+            TrafficKind::Foreign(station) => {
+                self.counters.foreign += 1;
+                let flight = self
+                    .flight
+                    .as_mut()
+                    .filter(|_| station.0 == 0 && !was_answered);
+                // No station has the number 0: it is what the addressed one says.
+                flight
+                    .into_iter()
+                    .for_each(|it| it.wrong_reply = Some((HeardFrame::of(&heard.bytes), None)));
+                self.learn_late(now, station, &heard.bytes);
+                self.spoke(now, station, &heard.bytes, was_answered);
+            }
+            TrafficKind::Noise => {
+                self.counters.noise_bytes += heard.bytes.len() as u64;
+                let flight = self
+                    .flight
+                    .as_mut()
+                    .filter(|flight| !was_answered && heard.end > flight.sent_at);
+                flight
+                    .into_iter()
+                    .for_each(|flight| flight.noise += heard.bytes.len());
             }
         }
     }

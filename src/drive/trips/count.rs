@@ -54,6 +54,11 @@ impl TripWatch {
             }
             return;
         }
+        self.take_rise(count, now, events);
+    }
+
+    /// The count has risen to `count`: a trip has happened, whose record is read until it belongs to that count.
+    fn take_rise(&mut self, count: u16, now: MonoTime, events: &mut Vec<TripEvent>) {
         // A listener reads no record: the trip before keeps its own time and count.
         if self
             .reading

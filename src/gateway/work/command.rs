@@ -12,7 +12,7 @@ use crate::gateway::execution::Execution;
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::gateway::waiter::Waiter;
-use crate::guard::{Facts, Lost, StopOrder, Verdict};
+use crate::guard::{Approved, Facts, Lost, StopOrder, Verdict};
 use crate::journal::{Entry, Tried};
 use std::collections::VecDeque;
 
@@ -85,21 +85,26 @@ impl DriveWork {
                 );
             }
             Ok(Verdict::Go(approved)) => {
-                let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
-                self.is_stopping &= !runs;
-                if runs {
-                    // Newer than a stop answered from memory.
-                    self.answered = None;
-                    self.follows_anew();
-                }
                 self.count(&mut waiter);
                 out.attempt_taken(self.drive, owner, tried(), &mut waiter);
-                self.open_lease(runs, now, out);
-                self.push(Execution::new(approved, waiter), out);
-                if let Some(row) = self.keep_reset(out) {
-                    self.opens_behind(row, now);
-                }
+                self.go(approved, waiter, now, out);
             }
+        }
+    }
+
+    /// Puts an approved order in the queue.
+    fn go(&mut self, approved: Approved, waiter: Waiter, now: MonoTime, out: Out<'_>) {
+        let runs = matches!(approved.order(), Order::Go(go) if go.run().is_some());
+        self.is_stopping &= !runs;
+        if runs {
+            // Newer than a stop answered from memory.
+            self.answered = None;
+            self.follows_anew();
+        }
+        self.open_lease(runs, now, out);
+        self.push(Execution::new(approved, waiter), out);
+        if let Some(row) = self.keep_reset(out) {
+            self.opens_behind(row, now);
         }
     }
 

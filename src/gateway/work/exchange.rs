@@ -6,7 +6,7 @@ use crate::domain::time::MonoTime;
 use crate::drive::steps::StepPart;
 use crate::gateway::ended::BUSY_REST;
 use crate::gateway::event::Effect;
-use crate::gateway::execution::{Next, reason_of};
+use crate::gateway::execution::{Execution, Next, reason_of};
 use crate::gateway::note::Note;
 use crate::gateway::stop::StopLatch;
 use crate::line::exchange::Ending;
@@ -337,6 +337,11 @@ impl DriveWork {
                 ends @ Next::Ends(_) => ends,
             };
         }
+        self.goes_on(execution, next, out);
+    }
+
+    /// The execution waits for its next step, or is over.
+    fn goes_on(&mut self, mut execution: Execution, next: Next, out: Out<'_>) {
         match next {
             Next::Goes(report) => {
                 if let Some(report) = report {
