@@ -258,8 +258,6 @@ impl DriveTopics {
         view: &DriveView,
     ) -> Option<Content> {
         let trip = || Some(&view.trip).filter(|_| trips_are_fresh(drive, view, now.at));
-        let text =
-            |text: Option<String>| text.map_or(Content::Cleared, |text| Content::Text(text.into()));
         let word = |reading: Option<ValueReading>| {
             reading.map_or(Content::Cleared, |it| Content::Value(it.value))
         };
@@ -280,42 +278,21 @@ impl DriveTopics {
                     .get(register)
                     .and_then(|it| fresh(drive, it, view, now.at)),
             ),
-            Kind::Setpoint => text(
-                view.control
-                    .as_ref()
-                    .and_then(|it| it.setpoint)
-                    .map(|hertz| hertz.to_string()),
-            ),
-            Kind::Owner => text(
+            Kind::Setpoint => written(view.control.as_ref().and_then(|it| it.setpoint)),
+            Kind::Owner => written(
                 view.control
                     .as_ref()
                     .and_then(|it| it.lease)
-                    .map(|(owner, _)| owner.to_string()),
+                    .map(|(owner, _)| owner),
             ),
-            Kind::TripActive => text(
-                trip()
-                    .and_then(|it| it.active)
-                    .map(|active| active.to_string()),
-            ),
-            Kind::TripCount => text(
-                view.trip_kept
-                    .count
-                    .filter(|_| trip().is_some())
-                    .map(|count| count.to_string()),
-            ),
-            Kind::TripCode => text(
-                code(view)
-                    .filter(|_| trip().is_some())
-                    .map(|code| code.to_string()),
-            ),
+            Kind::TripActive => written(trip().and_then(|it| it.active)),
+            Kind::TripCount => written(view.trip_kept.count.filter(|_| trip().is_some())),
+            Kind::TripCode => written(code(view).filter(|_| trip().is_some())),
             Kind::TripText => text(trip().and_then(|_| state::active_trip_text(drive, view))),
-            Kind::WarningActive => {
-                text(warning(drive, view, now.at).map(|word| (word != 0).to_string()))
+            Kind::WarningActive => written(warning(drive, view, now.at).map(|word| word != 0)),
+            Kind::WarningCode => {
+                written(warning(drive, view, now.at).map(|word| warnings::code(&drive.model, word)))
             }
-            Kind::WarningCode => text(
-                warning(drive, view, now.at)
-                    .map(|word| warnings::code(&drive.model, word).to_string()),
-            ),
             Kind::WarningText => text(
                 warning(drive, view, now.at).and_then(|word| warnings::text(&drive.model, word)),
             ),
@@ -324,7 +301,7 @@ impl DriveTopics {
                 let record = state::record(drive, now.clock, view.trip_kept.last.as_ref()?);
                 Content::Text(Value::Object(record).to_string().into())
             }
-            Kind::Usage(part) => text(view.usage.value(part).map(|value| value.to_string())),
+            Kind::Usage(part) => written(view.usage.value(part)),
             Kind::Param(register) => {
                 let is_fresh = |reading: &&ValueReading| now.at < param_stale_at(now, reading);
                 word(self.params.get(&register).filter(is_fresh).copied())
@@ -387,6 +364,15 @@ impl DriveTopics {
     pub(super) fn wake(&self) -> Option<MonoTime> {
         self.walked.as_ref().map(|(_, until)| *until)
     }
+}
+
+/// This text; without it the topic is empty.
+fn text(text: Option<String>) -> Content {
+    text.map_or(Content::Cleared, |text| Content::Text(text.into()))
+}
+
+fn written(value: Option<impl ToString>) -> Content {
+    text(value.map(|value| value.to_string()))
 }
 
 /// A value that was read once on demand is shown for as long as a broker may keep it.
