@@ -24,12 +24,8 @@ pub(in crate::profile) struct CommitWordFile {
 impl CommitFile {
     pub(super) fn read(facts: &Facts<'_>, mut reader: Reader<'_, '_>) -> Self {
         let commit = Self {
-            apply: super::given(&mut reader, "apply", |reader| {
-                CommitWordFile::read(facts, reader)
-            }),
-            store: super::given(&mut reader, "store", |reader| {
-                CommitWordFile::read(facts, reader)
-            }),
+            apply: super::given(&mut reader, "apply", facts, CommitWordFile::read),
+            store: super::given(&mut reader, "store", facts, CommitWordFile::read),
         };
         reader.finish();
         commit

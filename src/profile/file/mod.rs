@@ -100,60 +100,30 @@ impl ModelFile {
             defaults: true,
             ..*proven
         };
-        let codes = given(&mut reader, "codes", |reader| {
-            CodesFile::read(proven, reader)
-        });
+        let codes = given(&mut reader, "codes", proven, CodesFile::read);
         let rule = codes.valid().and_then(|codes| codes.value.ready());
         let file = Self {
             id,
             vendor: reader.required("vendor", &Kind::text()),
             title: reader.required("title", &Kind::text()),
-            link: reader
-                .required_table("link")
-                .map(|it| LinkFile::read(proven, reader.open(it))),
-            timing: reader
-                .required_table("timing")
-                .map(|it| TimingFile::read(chosen, reader.open(it))),
+            link: needed(&mut reader, "link", proven, LinkFile::read),
+            timing: needed(&mut reader, "timing", chosen, TimingFile::read),
             functions: proven.list(&mut reader, "functions", &Kind::number(1..=127_u8)),
-            read: reader
-                .required_table("read")
-                .map(|it| ReadFile::read(proven, reader.open(it))),
-            write: reader
-                .required_table("write")
-                .map(|it| WriteFile::read(proven, reader.open(it))),
-            exceptions: all(&mut reader, "exception", |reader| {
-                CodeFile::read_exception(proven, reader)
-            }),
-            quirks: given(&mut reader, "quirks", |reader| {
-                QuirksFile::read(proven, reader)
-            }),
-            barriers: all(&mut reader, "barrier", |reader| {
-                BarrierFile::read(proven, reader)
-            }),
-            run: given(&mut reader, "run", |reader| RunFile::read(proven, reader)),
-            status: all(&mut reader, "status", |reader| {
-                StatusFile::read(proven, reader)
-            }),
-            trips: all(&mut reader, "trip", |reader| {
-                CodeFile::read_code_or_bit(proven, reader)
-            }),
-            warnings: all(&mut reader, "warning", |reader| {
-                CodeFile::read_code_or_bit(proven, reader)
-            }),
-            commit: given(&mut reader, "commit", |reader| {
-                CommitFile::read(proven, reader)
-            }),
-            setup: all(&mut reader, "setup", |reader| {
-                SetupFile::read(proven, reader)
-            }),
-            identity: given(&mut reader, "identity", |reader| {
-                IdentityFile::read(proven, reader)
-            }),
-            watchdog: given(&mut reader, "watchdog", |reader| {
-                WatchdogFile::read(proven, reader)
-            }),
+            read: needed(&mut reader, "read", proven, ReadFile::read),
+            write: needed(&mut reader, "write", proven, WriteFile::read),
+            exceptions: all(&mut reader, "exception", proven, CodeFile::read_exception),
+            quirks: given(&mut reader, "quirks", proven, QuirksFile::read),
+            barriers: all(&mut reader, "barrier", proven, BarrierFile::read),
+            run: given(&mut reader, "run", proven, RunFile::read),
+            status: all(&mut reader, "status", proven, StatusFile::read),
+            trips: all(&mut reader, "trip", proven, CodeFile::read_code_or_bit),
+            warnings: all(&mut reader, "warning", proven, CodeFile::read_code_or_bit),
+            commit: given(&mut reader, "commit", proven, CommitFile::read),
+            setup: all(&mut reader, "setup", proven, SetupFile::read),
+            identity: given(&mut reader, "identity", proven, IdentityFile::read),
+            watchdog: given(&mut reader, "watchdog", proven, WatchdogFile::read),
             codes,
-            registers: all(&mut reader, "register", |mut reader| {
+            registers: all(&mut reader, "register", proven, |proven, mut reader| {
                 let origin = proven.origin(&mut reader);
                 RegisterFile::of_model(reader, origin, rule.as_ref())
             }),
@@ -274,17 +244,30 @@ fn poll_bases(registers: &mut [Register]) {
     }
 }
 
+/// The required table `key`, read by `read`.
+fn needed<T>(
+    reader: &mut Reader<'_, '_>,
+    key: &'static str,
+    facts: &Facts<'_>,
+    read: impl FnOnce(&Facts<'_>, Reader<'_, '_>) -> T,
+) -> Option<T> {
+    reader
+        .required_table(key)
+        .map(|it| read(facts, reader.open(it)))
+}
+
 /// The optional table `key`, read by `read`.
 fn given<T>(
     reader: &mut Reader<'_, '_>,
     key: &'static str,
-    read: impl FnOnce(Reader<'_, '_>) -> T,
+    facts: &Facts<'_>,
+    read: impl FnOnce(&Facts<'_>, Reader<'_, '_>) -> T,
 ) -> OptionalKey<T> {
     match reader.table(key) {
         OptionalKey::Absent => OptionalKey::Absent,
         OptionalKey::Invalid => OptionalKey::Invalid,
         OptionalKey::Valid(Spanned { value, location }) => OptionalKey::Valid(Spanned {
-            value: read(reader.open(value)),
+            value: read(facts, reader.open(value)),
             location,
         }),
     }
@@ -294,12 +277,13 @@ fn given<T>(
 fn all<T>(
     reader: &mut Reader<'_, '_>,
     key: &'static str,
-    read: impl Fn(Reader<'_, '_>) -> T,
+    facts: &Facts<'_>,
+    read: impl Fn(&Facts<'_>, Reader<'_, '_>) -> T,
 ) -> Vec<T> {
     reader
         .tables(key)
         .into_iter()
-        .map(|section| read(reader.open(section)))
+        .map(|section| read(facts, reader.open(section)))
         .collect()
 }
 

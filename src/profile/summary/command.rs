@@ -12,16 +12,45 @@ use crate::toml_file::values::duration_text;
 use crate::toml_file::words::{INTERFACES, word_for};
 
 pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
-    let shown = |word: u16| match run.form {
+    let mut rows = orders(model, run);
+    rows.extend(directions(model, run));
+    rows.extend(never_written(model, run));
+    rows.extend(starts(model, run));
+    rows.extend(reset(model, run));
+    rows.extend(zero(run));
+    if let RunForm::Bits {
+        priority: priority @ 1..,
+        ..
+    } = run.form
+    {
+        rows.push(vec![
+            "with all but release".to_owned(),
+            shown(run, priority),
+        ]);
+    }
+    rows
+}
+
+/// A run word as its documents write it.
+fn shown(run: &RunCommand, word: u16) -> String {
+    match run.form {
         RunForm::Values => word.to_string(),
         RunForm::Bits { .. } => format!("0x{word:04X}"),
-    };
-    let places = &run.places;
-    let of = |kind: OrderKind, word: u16| match places.registers.iter().find(|(it, _)| *it == kind)
-    {
+    }
+}
+
+/// The word of the order `kind`, with its register if that is one of its own.
+fn order_word(model: &Model, run: &RunCommand, kind: OrderKind, word: u16) -> String {
+    let mut registers = run.places.registers.iter();
+    match registers.find(|(it, _)| *it == kind) {
         Some((_, address)) => format!("{word} to {}", name_at(model, *address)),
-        None => shown(word),
-    };
+        None => shown(run, word),
+    }
+}
+
+/// The word of each order, and what a stop keeps of the word before.
+fn orders(model: &Model, run: &RunCommand) -> Vec<Row> {
+    let places = &run.places;
     let is_given = |kind: &OrderKind| {
         *kind != OrderKind::Reverse || (places.direction.is_none() && !places.by_sign)
     };
@@ -29,19 +58,23 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
         .into_iter()
         .filter(is_given)
         .filter_map(|kind| Some((kind, run.word(kind)?)));
-    let mut rows: Vec<_> = all
-        .map(|(kind, fact)| row(kind.word(), of(kind, fact.value), fact))
-        .collect();
+    let words =
+        all.map(|(kind, fact)| row(kind.word(), order_word(model, run, kind, fact.value), fact));
     let bits = [
         ("a stop keeps of a run word", run.stop_bits.keeps),
         ("a stop changes in it", run.stop_bits.drops),
     ];
-    rows.extend(
-        bits.into_iter()
-            .filter(|(_, bits)| *bits != 0)
-            .map(|(what, bits)| row(what, shown(bits), &run.stop)),
-    );
-    rows.extend(places.direction.iter().map(|fact| {
+    let of_a_stop = bits
+        .into_iter()
+        .filter(|(_, bits)| *bits != 0)
+        .map(|(what, bits)| row(what, shown(run, bits), &run.stop));
+    words.chain(of_a_stop).collect()
+}
+
+/// The direction, where it is not in the run word.
+fn directions(model: &Model, run: &RunCommand) -> Vec<Row> {
+    let places = &run.places;
+    let by_word = places.direction.iter().map(|fact| {
         let words = &fact.value;
         let reverse = words
             .reverse
@@ -55,57 +88,55 @@ pub(super) fn run_commands(model: &Model, run: &RunCommand) -> Vec<Row> {
             ),
             fact,
         )
-    }));
-    let by_sign = run.reverse.as_ref().filter(|_| places.by_sign);
-    rows.extend(by_sign.map(|fact| {
+    });
+    let by_sign = run.reverse.iter().filter(|_| places.by_sign).map(|fact| {
         row(
             "reverse",
-            format!("{} with a setpoint below 0", shown(fact.value)),
+            format!("{} with a setpoint below 0", shown(run, fact.value)),
             fact,
         )
-    }));
-    rows.extend(
-        run.never
-            .iter()
-            .map(|fact| row("never written", shown(fact.value), fact)),
-    );
-    rows.extend(places.never.iter().map(|(address, fact)| {
+    });
+    by_word.chain(by_sign).collect()
+}
+
+fn never_written(model: &Model, run: &RunCommand) -> Vec<Row> {
+    let here = run
+        .never
+        .iter()
+        .map(|fact| row("never written", shown(run, fact.value), fact));
+    let elsewhere = run.places.never.iter().map(|(address, fact)| {
         row(
             "never written",
             format!("{} to {}", fact.value, name_at(model, *address)),
             fact,
         )
-    }));
-    rows.extend(starts(model, run));
+    });
+    here.chain(elsewhere).collect()
+}
+
+/// The words that together are a reset.
+fn reset(model: &Model, run: &RunCommand) -> Option<Row> {
     let writes = model.reset_writes();
-    if !writes.is_empty() {
-        let kind = |write: &ResetWrite| {
-            let clears = Some(write.address) != model.order_address(OrderKind::Stop);
-            if write.resets || clears {
-                OrderKind::Reset
-            } else {
-                OrderKind::Stop
-            }
-        };
-        let text = |write: &ResetWrite| {
-            let wait = if write.wait.is_zero() {
-                String::new()
-            } else {
-                format!(" for {}", duration_text(write.wait))
-            };
-            of(kind(write), write.value) + &wait
-        };
-        rows.push(vec!["a reset is".to_owned(), list(writes.iter().map(text))]);
+    if writes.is_empty() {
+        return None;
     }
-    rows.extend(zero(run));
-    if let RunForm::Bits {
-        priority: priority @ 1..,
-        ..
-    } = run.form
-    {
-        rows.push(vec!["with all but release".to_owned(), shown(priority)]);
-    }
-    rows
+    let kind = |write: &ResetWrite| {
+        let clears = Some(write.address) != model.order_address(OrderKind::Stop);
+        if write.resets || clears {
+            OrderKind::Reset
+        } else {
+            OrderKind::Stop
+        }
+    };
+    let text = |write: &ResetWrite| {
+        let wait = if write.wait.is_zero() {
+            String::new()
+        } else {
+            format!(" for {}", duration_text(write.wait))
+        };
+        order_word(model, run, kind(write), write.value) + &wait
+    };
+    Some(vec!["a reset is".to_owned(), list(writes.iter().map(text))])
 }
 
 /// The words before the run word, each with what must come after it.

@@ -225,26 +225,7 @@ pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
         rows.push(row("stored_alias_bit", text, bit));
     }
     if let Some(alias) = &quirks.ram_alias {
-        let RamAlias {
-            mask,
-            from,
-            to,
-            is_readable,
-        } = alias.value;
-        let read = if is_readable {
-            "read and written"
-        } else {
-            "written, not read"
-        };
-        let unproven = if alias.confidence.is_proven() {
-            ""
-        } else {
-            "; not used: unproven"
-        };
-        let text = format!(
-            "a stored register with 0x{from:04X} under 0x{mask:04X} is {read} in RAM with 0x{to:04X} there{unproven}"
-        );
-        rows.push(row("ram_alias", text, alias));
+        rows.push(row("ram_alias", ram_alias(alias), alias));
     }
     let times = [
         (
@@ -272,4 +253,26 @@ pub(super) fn quirks(quirks: &Quirks) -> Vec<Row> {
         ))
     }));
     rows
+}
+
+fn ram_alias(alias: &Fact<RamAlias>) -> String {
+    let RamAlias {
+        mask,
+        from,
+        to,
+        is_readable,
+    } = alias.value;
+    let read = if is_readable {
+        "read and written"
+    } else {
+        "written, not read"
+    };
+    let unproven = if alias.confidence.is_proven() {
+        ""
+    } else {
+        "; not used: unproven"
+    };
+    format!(
+        "a stored register with 0x{from:04X} under 0x{mask:04X} is {read} in RAM with 0x{to:04X} there{unproven}"
+    )
 }

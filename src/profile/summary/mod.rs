@@ -5,7 +5,7 @@ mod layout;
 mod line;
 mod registers;
 
-use super::model::{Document, Model};
+use super::model::{Document, Model, Register, RunCommand};
 use layout::{Row, list, section};
 
 /// The documents, each with its kind, the models it covers, and the highest confidence it supports.
@@ -53,79 +53,90 @@ pub fn summary(model: &Model) -> String {
         "Facts with a second, independent source",
         second_sources(model),
     );
-    section(&mut text, "Link", line::link(&model.link));
-    section(&mut text, "Timing", line::timing(&model.timing));
-    section(&mut text, "Reads and writes", line::reads_and_writes(model));
+    add_line(&mut text, model);
+    if let Some(run) = &model.run {
+        add_run_commands(&mut text, model, run);
+    }
+    add_settings(&mut text, model);
+    add_readings(&mut text, model);
+    add_registers(&mut text, &model.registers);
+    text
+}
+
+/// Appends what holds for every exchange.
+fn add_line(text: &mut String, model: &Model) {
+    section(text, "Link", line::link(&model.link));
+    section(text, "Timing", line::timing(&model.timing));
+    section(text, "Reads and writes", line::reads_and_writes(model));
     section(
-        &mut text,
+        text,
         "Barriers, after which no late reply can follow",
         line::barriers(&model.barriers),
     );
-    section(&mut text, "Exceptions", line::exceptions(model));
-    section(&mut text, "Quirks", line::quirks(&model.quirks));
-    if let Some(run) = &model.run {
-        section(&mut text, "Run commands", command::run_commands(model, run));
-        section(&mut text, "Bits of run commands", command::run_bits(run));
-        section(
-            &mut text,
-            "Fields of run commands",
-            command::run_fields(run),
-        );
-        let heading = "Unproven control actions, each off until `accept_unverified` names it";
-        section(&mut text, heading, command::unproven_actions(model, run));
-    }
+    section(text, "Exceptions", line::exceptions(model));
+    section(text, "Quirks", line::quirks(&model.quirks));
+}
+
+fn add_run_commands(text: &mut String, model: &Model, run: &RunCommand) {
+    section(text, "Run commands", command::run_commands(model, run));
+    section(text, "Bits of run commands", command::run_bits(run));
+    section(text, "Fields of run commands", command::run_fields(run));
+    let heading = "Unproven control actions, each off until `accept_unverified` names it";
+    section(text, heading, command::unproven_actions(model, run));
+}
+
+/// Appends what is set at the drive.
+fn add_settings(text: &mut String, model: &Model) {
     section(
-        &mut text,
+        text,
         "After parameters were written",
         command::commit(model),
     );
-    section(&mut text, "Set-up, in this order", command::setup(model));
+    section(text, "Set-up, in this order", command::setup(model));
     section(
-        &mut text,
+        text,
         "Orders that are refused while a setting is wrong",
         command::needed(model),
     );
-    section(&mut text, "Identity", command::identity(model));
-    section(&mut text, "Watchdog of the drive", command::watchdog(model));
-    section(&mut text, "Status", registers::status(model));
+    section(text, "Identity", command::identity(model));
+    section(text, "Watchdog of the drive", command::watchdog(model));
+}
+
+/// Appends what the drive says of itself.
+fn add_readings(text: &mut String, model: &Model) {
+    section(text, "Status", registers::status(model));
     section(
-        &mut text,
+        text,
         "States in the drive's own words",
         registers::states(model),
     );
-    section(&mut text, "Trips", registers::trips(model));
+    section(text, "Trips", registers::trips(model));
     section(
-        &mut text,
+        text,
         "Warnings, which stop no motor",
         registers::warnings(model),
     );
-    section(&mut text, "Codes", registers::codes(model.codes.as_ref()));
+    section(text, "Codes", registers::codes(model.codes.as_ref()));
+}
+
+fn add_registers(text: &mut String, all: &[Register]) {
+    section(text, "Registers", registers::registers(all));
+    section(text, "Meanings of words", registers::meanings(all));
     section(
-        &mut text,
-        "Registers",
-        registers::registers(&model.registers),
-    );
-    section(
-        &mut text,
-        "Meanings of words",
-        registers::meanings(&model.registers),
-    );
-    section(
-        &mut text,
+        text,
         "Registers after whose write the drive hears nothing",
-        registers::deaf(&model.registers),
+        registers::deaf(all),
     );
     section(
-        &mut text,
+        text,
         "Registers whose write is not answered",
-        registers::silent(&model.registers),
+        registers::silent(all),
     );
     section(
-        &mut text,
+        text,
         "Back doors, which no client may write",
-        registers::back_doors(&model.registers),
+        registers::back_doors(all),
     );
-    text
 }
 
 #[cfg(test)]
