@@ -92,14 +92,20 @@ impl Report<'_> {
     }
 
     fn write(&self, to: &mut String) -> std::fmt::Result {
+        self.write_plan(to)?;
+        self.write_rates(to)?;
+        self.write_delays(to)?;
+        self.write_totals(to)?;
+        self.write_costs(to)
+    }
+
+    fn write_plan(&self, to: &mut String) -> std::fmt::Result {
         let Self {
             plan,
             specimen,
             outcome,
         } = self;
         let shape = &plan.shape;
-        let at_last = &outcome.at_last;
-        let at_end = &outcome.at_end;
         let cut = if outcome.is_cut { ", cut short" } else { "" };
         writeln!(
             to,
@@ -113,7 +119,13 @@ impl Report<'_> {
             self.payload_bytes(),
             u8::from(plan.qos == Qos::AtLeastOnce),
             if plan.retain { ", retained" } else { "" },
-        )?;
+        )
+    }
+
+    /// How many messages passed in a second.
+    fn write_rates(&self, to: &mut String) -> std::fmt::Result {
+        let Self { plan, outcome, .. } = self;
+        let at_last = &outcome.at_last;
         writeln!(to, "\nmessages a second")?;
         writeln!(to, "  due           {:>10.0}", self.a_second(outcome.due))?;
         let held = if self.is_held() {
@@ -137,12 +149,22 @@ impl Report<'_> {
             to,
             "  received      {:>10.0}",
             self.a_second(at_last.received)
-        )?;
+        )
+    }
+
+    fn write_delays(&self, to: &mut String) -> std::fmt::Result {
+        let Self { plan, outcome, .. } = self;
         writeln!(to, "\nlate by               half      99 %       all")?;
         if plan.qos == Qos::AtLeastOnce {
             writeln!(to, "  acknowledged  {}", row(&outcome.acknowledgements))?;
         }
-        writeln!(to, "  received      {}", row(&outcome.delays))?;
+        writeln!(to, "  received      {}", row(&outcome.delays))
+    }
+
+    /// What became of all messages.
+    fn write_totals(&self, to: &mut String) -> std::fmt::Result {
+        let Self { plan, outcome, .. } = self;
+        let at_end = &outcome.at_end;
         writeln!(
             to,
             "\nin the end: {} due, {} sent, {} received",
@@ -167,6 +189,14 @@ impl Report<'_> {
                 outcome.refused, outcome.foreign
             )?;
         }
+        Ok(())
+    }
+
+    /// What the simulation and a real gateway cost.
+    fn write_costs(&self, to: &mut String) -> std::fmt::Result {
+        let Self {
+            specimen, outcome, ..
+        } = self;
         writeln!(
             to,
             "\nconnections {}, broken {}",
