@@ -124,14 +124,15 @@ struct Url {
 
 impl Url {
     fn new(uri: &Uri) -> Result<Self, Failure> {
-        let host = uri
-            .host()
-            .filter(|_| uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/"));
-        let host = host.ok_or_else(|| {
-            Failure::wrong(format!(
-                "{uri} is not an address such as http://127.0.0.1:8080"
-            ))
-        })?;
+        let is_plain = uri.scheme_str() == Some("http") && matches!(uri.path(), "" | "/");
+        let host = match uri.host() {
+            Some(host) if is_plain => host,
+            _ => {
+                return Err(Failure::wrong(format!(
+                    "{uri} is not an address such as http://127.0.0.1:8080"
+                )));
+            }
+        };
         // A version 6 address is in brackets.
         let host = host
             .trim_start_matches('[')
@@ -275,12 +276,10 @@ fn reason_of(part: &Value) -> String {
 fn line_row(line: &Value) -> String {
     let word = |key: &str| line[key].as_str().unwrap_or("?");
     // A line that is down says why itself.
-    let suspicion = line["suspicion"]
-        .as_str()
-        .filter(|_| line["reason"].is_null());
-    let suspicion = suspicion
-        .map(|text| format!("; {text}"))
-        .unwrap_or_default();
+    let suspicion = match line["suspicion"].as_str() {
+        Some(text) if line["reason"].is_null() => format!("; {text}"),
+        _ => String::new(),
+    };
     let role = line["standby"]["role"]
         .as_str()
         .map(|role| format!(", {role}"))

@@ -45,7 +45,9 @@ impl What {
     /// # Errors
     /// Neither a number nor a known name.
     pub fn asked(&self) -> Result<ReadRequest, Failure> {
-        if let Some(model) = self.target.model()?.filter(|_| !self.uniform) {
+        if let Some(model) = self.target.model()?
+            && !self.uniform
+        {
             return self.asked_of(&model);
         }
         let Some(register) = &self.register else {
@@ -90,7 +92,9 @@ impl What {
         let named = model
             .register_named(wanted)
             .or_else(|| model.register_at(address(wanted).ok()?));
-        if let Some(register) = named.filter(readable).filter(|_| self.count == 1) {
+        if self.count == 1
+            && let Some(register) = named.filter(readable)
+        {
             return Ok(ReadRequest::Registers(vec![register.clone()]));
         }
         if let Some(register) = named.filter(|register| register.address.table() != Table::Holding)

@@ -264,10 +264,9 @@ fn found_as(identity: &Value) -> String {
 
 /// The drive's own watchdog, for people.
 pub fn watchdog(watchdog: &Value) -> String {
-    let advice = match watchdog["judged"]
-        .as_str()
-        .filter(|_| watchdog["state"] == "on")
-    {
+    let is_on = watchdog["state"] == "on";
+    let advice = match watchdog["judged"].as_str() {
+        _ if !is_on => "",
         Some("keeps_running") => "warning: with that the motor runs on without the gateway\n",
         Some("too_short") => {
             "warning: it is no longer than twice the longest gap between two frames, and may stop the motor although \
@@ -278,7 +277,7 @@ pub fn watchdog(watchdog: &Value) -> String {
         }
         _ => "",
     };
-    let volatile = if watchdog["is_stored"] == false && watchdog["state"] == "on" {
+    let volatile = if watchdog["is_stored"] == false && is_on {
         "note: the drive keeps this in RAM and forgets it with its power\n"
     } else {
         ""

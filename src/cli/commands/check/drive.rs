@@ -54,7 +54,9 @@ pub(super) fn describe(
     if let Some(watchdog) = &model.watchdog {
         watchdog_of(text, watchdog, model)?;
     }
-    if let Some(gap) = line_plan::longest_gap(line, place).filter(|_| drive.control.is_some()) {
+    if drive.control.is_some()
+        && let Some(gap) = line_plan::longest_gap(line, place)
+    {
         watchdog_chain(text, line, drive, gap)?;
     }
     Ok(())

@@ -115,12 +115,12 @@ fn play<T>(
     let Some(((pty, bus), others)) = lines.split_first_mut() else {
         return Ok(work());
     };
-    let of_this_line = last.filter(|_| others.is_empty());
+    let of_this_line = if others.is_empty() { last } else { None };
     let mut story = Story::default();
     let act = |bus: &mut SimBus, at: MonoTime| {
-        if let Some(drive) = first
-            .filter(|_| enter.was_pressed())
-            .and_then(|station| bus.drive_mut(station))
+        if let Some(station) = first
+            && enter.was_pressed()
+            && let Some(drive) = bus.drive_mut(station)
         {
             drive.trip(at, TRIP_CAUSE);
         }

@@ -137,7 +137,9 @@ fn asked<R: BufRead>(
     };
     let from = ways::commanders(questions, args, &wanted)?;
     let commands = |way: &str| from.iter().any(|it| it == way);
-    if let Some(modbus) = modbus.as_mut().filter(|_| commands("modbus-tcp")) {
+    if let Some(modbus) = &mut modbus
+        && commands("modbus-tcp")
+    {
         modbus.write = ways::writers(questions, args)?;
     }
     if let Some(page) = page.as_mut() {

@@ -181,14 +181,14 @@ fn of_listener(listener: &ListenerSettings) -> Rights {
 /// The rows with the names that `read` and `watch` use.
 fn named(rows: Vec<SheetRow>) -> Vec<SheetRow> {
     let name = |row: &SheetRow| {
-        let is_word = !matches!(
+        let is_bit = matches!(
             row.table,
             sheet::SheetTable::Coil | sheet::SheetTable::Discrete
         );
-        let word = UNIFORM
-            .iter()
-            .find(|word| word.address == row.address)
-            .filter(|_| is_word);
+        if is_bit {
+            return String::new();
+        }
+        let word = UNIFORM.iter().find(|word| word.address == row.address);
         word.map_or_else(String::new, |word| word.name.to_owned())
     };
     rows.into_iter()

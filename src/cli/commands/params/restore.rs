@@ -193,7 +193,10 @@ async fn write(writes: &[Change], live: &Live, commit: Option<&CommitNeed>) -> R
             Err(failure) => failure.to_string(),
         };
         bar.end();
-        let without = commit.filter(|_| at > 0).map(lacking).unwrap_or_default();
+        let without = match commit {
+            Some(commit) if at > 0 => lacking(commit),
+            _ => "",
+        };
         return Err(Failure::failed(format!(
             "{}{without}",
             ended(writes, at, &refused)

@@ -59,7 +59,9 @@ impl Walk {
             .or(self.refused.last())
             .cloned();
         self.note(dump);
-        if let Some(last) = last.filter(|_| self.is_cut) {
+        if self.is_cut
+            && let Some(last) = last
+        {
             let reason = "not read: the drive showed none of those before them".to_owned();
             dump.left_out.push(LeftOut {
                 what: format!("group {name} behind {last}"),

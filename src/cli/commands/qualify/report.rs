@@ -28,10 +28,10 @@ pub(super) fn write(file: &Path, look: &Value) -> Result<(), Failure> {
 fn report(look: &Value) -> Value {
     let is_void = !look["void"].is_null();
     let facts = actions(look).map(|it| {
-        let result = it["result"]
-            .as_str()
-            .filter(|_| !is_void)
-            .unwrap_or("not_tried");
+        let result = match it["result"].as_str() {
+            Some(result) if !is_void => result,
+            _ => "not_tried",
+        };
         json!({ "action": it["action"], "rests_on": it["rests_on"], "result": result })
     });
     json!({

@@ -93,14 +93,12 @@ impl Scan<'_> {
                 "says_other": finding.verdict.other,
                 "confidence": finding.verdict.word(),
             });
-            let link = self
-                .setting(finding)
-                .filter(|_| matches!(self.port, PortAddress::Device(_)));
-            json["link"] = link.map_or(Value::Null, |setting| link_json(setting.link));
-            json["framing"] = self
-                .setting(finding)
-                .map(|it| word_for(&FRAMINGS, &it.framing))
-                .into();
+            let setting = self.setting(finding);
+            json["link"] = match (setting, &self.port) {
+                (Some(setting), PortAddress::Device(_)) => link_json(setting.link),
+                _ => Value::Null,
+            };
+            json["framing"] = setting.map(|it| word_for(&FRAMINGS, &it.framing)).into();
             json
         };
         let damaged = self
