@@ -179,11 +179,12 @@ fn modbus_reaches(
 /// `commands = "strict"` no plain message is accepted at all.
 fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<Problem>) {
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
-    let Some(mqtt) =
-        mqtt.filter(|_| by_broker.is_some() && control.strict.or(false) == Some(false))
-    else {
+    let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
         return;
     };
+    if control.strict.or(false) != Some(false) {
+        return;
+    }
     let (Some(delay), Some(interval)) = (
         control.restart_delay.valid(),
         mqtt.probe_interval.or(DEFAULT_PROBE_INTERVAL),
@@ -207,11 +208,7 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
 /// The same for an order from the page, which does not refer to a stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
-    let Some(delay) = control
-        .restart_delay
-        .valid()
-        .filter(|_| control.names(Way::Page).is_some())
-    else {
+    let (Some(delay), Some(_)) = (control.restart_delay.valid(), control.names(Way::Page)) else {
         return;
     };
     if delay.value < least {
@@ -244,7 +241,7 @@ fn outlasts(control: &ControlFile, mqtt: Option<&MqttFile>, problems: &mut Vec<P
         problems.push(location.problem(what).right("a longer time, as \"5s\""));
     }
     let by_broker = control.names(Way::Mqtt).or(control.names(Way::Sparkplug));
-    let Some(mqtt) = mqtt.filter(|_| by_broker.is_some()) else {
+    let (Some(mqtt), Some(_)) = (mqtt, by_broker) else {
         return;
     };
     let ttl = mqtt

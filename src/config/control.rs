@@ -138,7 +138,9 @@ fn ways(file: &ControlFile, problems: &mut Vec<Problem>) {
             );
             problems.push(problem.right("leave it out").warning());
         }
-        if let Some(location) = delay.filter(|_| file.names(Way::Page).is_none()) {
+        if let Some(location) = delay
+            && file.names(Way::Page).is_none()
+        {
             let what = "concerns commands over MQTT, Sparkplug and from the page only, and `from` names none of them";
             problems.push(location.problem(what).right("leave it out").warning());
         }
@@ -181,7 +183,10 @@ fn sign_is_written(file: &ControlFile, model: &Model, problems: &mut Vec<Problem
         .value
         .iter()
         .find(|direction| direction.value == Direction::Reverse);
-    if let Some(reverse) = reverse.filter(|_| model.turns_by_sign() && !bus.value.has_frequency()) {
+    if let Some(reverse) = reverse
+        && model.turns_by_sign()
+        && !bus.value.has_frequency()
+    {
         let what = format!(
             "reverse is a setpoint below 0, and the setpoint does not come over the bus (bus = \"{}\")",
             bus.value.word()
@@ -212,10 +217,8 @@ fn directions(file: &ControlFile, problems: &mut Vec<Problem>) -> Option<Vec<Dir
             list.value.iter().map(|direction| direction.value).collect()
         }
     };
-    if let Some(below) = file
-        .reverse_below
-        .valid()
-        .filter(|_| !goes_both_ways(&directions))
+    if let Some(below) = file.reverse_below.valid()
+        && !goes_both_ways(&directions)
     {
         let problem = below
             .location

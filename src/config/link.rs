@@ -249,9 +249,8 @@ fn shared_factory<T: Copy + PartialEq>(
 ) -> Option<T> {
     let (first, others) = models.split_first()?;
     let factory = |on_line: &OnLine| on_line.model.link.factory_with(framing).map(it.factory);
-    let known =
-        factory(first).filter(|_| others.iter().all(|other| factory(other) == factory(first)));
-    if known.is_some() {
+    let known = factory(first);
+    if known.is_some() && others.iter().all(|other| factory(other) == known) {
         return known;
     }
     let each =

@@ -242,9 +242,12 @@ pub(super) fn units_exist(
         let known: Option<BTreeSet<UnitId>> =
             drives.flat_map(|it| [it.native, it.uniform]).collect();
         // An unknown unit is reported as another problem.
-        let Some(known) = known.filter(|_| !lines.is_empty()) else {
+        let Some(known) = known else {
             continue;
         };
+        if lines.is_empty() {
+            continue;
+        }
         let mut seen = BTreeSet::new();
         for unit in &listed.value {
             if !seen.insert(unit.value) {

@@ -38,10 +38,11 @@ pub(super) fn check(listener: &ListenerFile, problems: &mut Vec<Problem>) {
         (&listener.stop, RoleRight::Stop, "stop"),
     ];
     for (list, right, verb) in lists {
-        let list = list
-            .valid()
-            .filter(|list| !list.value.is_empty() && !roles.is_empty());
-        if let Some(list) = list.filter(|_| roles.iter().all(|role| !has(&role.rights, right))) {
+        if let Some(list) = list.valid()
+            && !list.value.is_empty()
+            && !roles.is_empty()
+            && roles.iter().all(|role| !has(&role.rights, right))
+        {
             let problem = list
                 .location
                 .problem(format!("has no effect: no role of `tls` may {verb}"));

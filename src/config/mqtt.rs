@@ -174,7 +174,11 @@ pub(super) fn settle(
         heartbeat: file.heartbeat.or(DEFAULT_HEARTBEAT)?,
         keep_alive: file.keep_alive.or(DEFAULT_KEEP_ALIVE)?,
         lease,
-        alive_topic: alive_topic.filter(|_| lease == LeaseMode::Session),
+        alive_topic: if lease == LeaseMode::Session {
+            alive_topic
+        } else {
+            None
+        },
         probe_interval: file.probe_interval.or(DEFAULT_PROBE_INTERVAL)?,
         command_ttl: file.command_ttl.or(DEFAULT_COMMAND_TTL)?,
         response_prefix: file.response_prefix.clone().optional()?,
@@ -511,7 +515,7 @@ fn announced_is_published(file: &MqttFile, problems: &mut Vec<Problem>) {
     let missing = needed
         .into_iter()
         .find(|tree| !list.value.iter().any(|listed| listed.value == *tree));
-    if let Some(tree) = missing.filter(|_| is_announced) {
+    if is_announced && let Some(tree) = missing {
         let what = format!(
             "Home Assistant would show entities of `{}`, which is not published",
             tree.word()

@@ -188,9 +188,11 @@ impl Listed<'_> {
 fn named<'m>(written: &Spanned<String>, model: &'m Model) -> Result<Listed<'m>, Problem> {
     let text = written.value.as_str();
     if let Some(digits) = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        let address = u16::from_str_radix(digits, 16)
-            .ok()
-            .filter(|_| !digits.starts_with('+'));
+        let address = if digits.starts_with('+') {
+            None
+        } else {
+            u16::from_str_radix(digits, 16).ok()
+        };
         return address.and_then(|address| listed(model, address)).ok_or_else(|| {
             let problem = written.location.problem(format!("{} has no register at `{text}`", model.id));
             problem.right("the address of a register of the model, or of one added by `[[line.drive.register]]`")

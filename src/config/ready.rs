@@ -331,7 +331,10 @@ impl ListenerSettings {
 #[must_use]
 pub fn command_deadline(control: &ControlSettings, mqtt: Option<&MqttSettings>) -> Duration {
     let by_broker = control.from_mqtt || control.from_sparkplug;
-    let over_mqtt = mqtt.filter(|_| by_broker).map(|mqtt| mqtt.command_ttl);
+    let over_mqtt = match mqtt {
+        Some(mqtt) if by_broker => Some(mqtt.command_ttl),
+        _ => None,
+    };
     let others = (control.from_modbus_tcp || control.from_page).then_some(COMMAND_DEADLINE);
     over_mqtt.max(others).unwrap_or(COMMAND_DEADLINE)
 }

@@ -123,7 +123,10 @@ impl MqttSettings {
     pub fn session(&self, gateway: Name, standby: Option<StandbyPair>) -> Settings {
         // Announcements must not depend on who makes them, and each has a page of its own.
         let home_assistant = self.home_assistant.clone().map(|it| HomeAssistant {
-            page: it.page.clone().filter(|_| standby.is_none()),
+            page: match standby {
+                None => it.page.clone(),
+                Some(_) => None,
+            },
             ..it
         });
         Settings {

@@ -328,17 +328,16 @@ fn standing(
 }
 
 fn alone_on_rs232(line: &LineFile, problems: &mut Vec<Problem>) {
-    let rs232 = line
-        .interface
-        .valid()
-        .filter(|interface| interface.value == Interface::Rs232);
-    if let Some(rs232) = rs232.filter(|_| line.drives.len() > 1) {
+    if let Some(interface) = line.interface.valid()
+        && interface.value == Interface::Rs232
+        && line.drives.len() > 1
+    {
         let what = format!(
             "RS-232 carries one drive, and this line has {}",
             line.drives.len()
         );
         problems.push(
-            rs232
+            interface
                 .location
                 .problem(what)
                 .right("\"rs485\", or a line for each drive"),

@@ -176,7 +176,7 @@ pub(super) fn wired(file: &ControlFile, bus: BusFunctions, problems: &mut Vec<Pr
 
 /// The configured silence is no shorter than `line` needs: else both gateways might send.
 pub(super) fn has_time(file: &File, line: &LineSettings, problems: &mut Vec<Problem>) {
-    let Some(standby) = file.standby.valid().filter(|_| line.standby.is_some()) else {
+    let (Some(standby), Some(_)) = (file.standby.valid(), &line.standby) else {
         return;
     };
     let Some(Spanned {

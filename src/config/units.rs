@@ -311,7 +311,9 @@ impl Free {
         let unit = self.units(wanted).find(fits);
         if let Some(unit) = unit {
             self.used.insert(unit);
-            self.used.extend(default_uniform(unit).filter(|_| follows));
+            if follows {
+                self.used.extend(default_uniform(unit));
+            }
             return problem.right(format!("unit = {unit}, which is free"));
         }
         match (self.take(wanted), self.take(None)) {

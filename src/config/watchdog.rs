@@ -38,10 +38,13 @@ pub(super) fn check(file: &ControlFile, model: &Model, problems: &mut Vec<Proble
             problems.push(problem.right("leave it out").warning());
         }
     }
+    if !model.watchdog_is_proven() {
+        return;
+    }
     let Some(Spanned {
         value: time,
         location,
-    }) = file.watchdog.valid().filter(|_| model.watchdog_is_proven())
+    }) = file.watchdog.valid()
     else {
         return;
     };

@@ -246,7 +246,11 @@ fn name_kind() -> Kind<'static, Name> {
 fn half_kind() -> Kind<'static, Name> {
     let right = format!("1 to {HALF_CHARS} {}", Name::RULE);
     Kind::parsed(right, |text| {
-        Name::new(text).filter(|_| text.len() <= HALF_CHARS)
+        if text.len() <= HALF_CHARS {
+            Name::new(text)
+        } else {
+            None
+        }
     })
 }
 
