@@ -116,7 +116,7 @@ impl Router {
         };
         let mut lead = |unit: u8, route: Route| {
             let is_listed = UnitId::new(unit).is_none_or(|unit| listener.answers_at(unit));
-            if let Some(entry) = routes.get_mut(usize::from(unit)).filter(|_| is_listed) {
+            if is_listed && let Some(entry) = routes.get_mut(usize::from(unit)) {
                 *entry = Some(route);
             }
         };
@@ -223,13 +223,10 @@ impl own::Gateway for Router {
     }
 
     fn line(&self, place: usize) -> Option<LineReport> {
-        let is_served = self.serves.get(place) == Some(&true);
-        self.units
-            .shared
-            .lines
-            .get(place)
-            .filter(|_| is_served)
-            .map(|line| line.report())
+        if self.serves.get(place) != Some(&true) {
+            return None;
+        }
+        Some(self.units.shared.lines.get(place)?.report())
     }
 
     fn drives(&self) -> usize {
@@ -237,7 +234,10 @@ impl own::Gateway for Router {
     }
 
     fn drive(&self, place: usize) -> Option<(&Uniform, Arc<DriveView>)> {
-        let drive = self.drive_at(place).filter(|_| self.serves_drive(place))?;
+        if !self.serves_drive(place) {
+            return None;
+        }
+        let drive = self.drive_at(place)?;
         Some((drive.unit, drive.shared.view.load_full()))
     }
 

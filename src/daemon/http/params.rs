@@ -129,9 +129,11 @@ async fn look(
     let model = &drive.description.model;
     let register = readable(&drive, address);
     // What no register stands for is read as the number that it is, where it lies in a group of parameters.
-    let in_group = model
-        .code_in_group(address.into())
-        .filter(|_| !model.has_word_at(address.into()));
+    let in_group = if model.has_word_at(address.into()) {
+        None
+    } else {
+        model.code_in_group(address.into())
+    };
     let Some(code) = register.map(|it| it.label().to_owned()).or(in_group) else {
         return no_parameter(&name, address);
     };

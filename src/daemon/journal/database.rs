@@ -484,11 +484,10 @@ fn remembered(connection: &Connection, found: &mut DatabaseState) -> Result<(), 
         let sound = || {
             let name = name.as_deref()?;
             let body = row.get::<_, String>(1).ok()?;
-            let is_sound = row.get::<_, u32>(2).ok()? == memory_crc(name, &body);
-            Some((
-                Name::new(name)?,
-                Remembered::from_json(&body).filter(|_| is_sound)?,
-            ))
+            if row.get::<_, u32>(2).ok()? != memory_crc(name, &body) {
+                return None;
+            }
+            Some((Name::new(name)?, Remembered::from_json(&body)?))
         };
         match sound() {
             Some((name, memory)) => drop(found.memory.insert(name, memory)),

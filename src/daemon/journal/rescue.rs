@@ -80,9 +80,10 @@ fn bytes_of(path: &Path) -> io::Result<Option<u64>> {
     let change = number(24);
     let pages = number(28);
     let valid_for = number(92);
-    Ok(pages
-        .filter(|_| change == valid_for)
-        .map(|pages| u64::from(pages) * page))
+    Ok(match pages {
+        Some(pages) if change == valid_for => Some(u64::from(pages) * page),
+        _ => None,
+    })
 }
 
 /// What could be read of one table.

@@ -182,8 +182,10 @@ impl Store {
     /// Replaces the database if the files at its path are no longer those that are open. A process is not
     /// notified when a file that it has open is deleted or replaced, and would go on writing into a file without a name.
     pub fn look(&mut self) {
-        let files = self.files.as_mut().filter(|_| self.database.is_some());
-        let Some(loss) = files.and_then(|files| files.loss(&self.path)) else {
+        let (Some(files), Some(_)) = (&mut self.files, &self.database) else {
+            return;
+        };
+        let Some(loss) = files.loss(&self.path) else {
             return;
         };
         let what = match loss {
@@ -194,7 +196,9 @@ impl Store {
                 }
             },
             Loss::Replaced => {
-                self.database.iter().for_each(Database::keep_off);
+                if let Some(database) = &self.database {
+                    database.keep_off();
+                }
                 let is_left = self.files.as_ref().is_some_and(|files| files.has_log(&self.path));
                 self.leave();
                 if is_left && let Err(error) = remove_log(&self.path) {

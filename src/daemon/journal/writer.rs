@@ -165,10 +165,10 @@ impl Writer {
         let retry = self.store.retry_at().map(|at| at.since(now));
         let tell = (!self.to_tell.is_empty()).then_some(TELL_AGAIN);
         // While the disk refuses, only the next retry counts.
-        let used = self
-            .used_until()
-            .filter(|_| retry.is_none())
-            .map(|until| until.since(now));
+        let used = match self.used_until() {
+            Some(until) if retry.is_none() => Some(until.since(now)),
+            _ => None,
+        };
         let look = self.store.is_open().then_some(LOOK_EVERY);
         [retry, tell, used, look].into_iter().flatten().min()
     }

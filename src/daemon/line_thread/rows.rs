@@ -76,8 +76,9 @@ impl LineRows {
             }
             _ => None,
         };
-        self.asked
-            .extend(waits.filter(|_| self.asked.len() < ASKED_MAX));
+        if self.asked.len() < ASKED_MAX {
+            self.asked.extend(waits);
+        }
     }
 
     /// Holds `news` back if it has to wait for a row; otherwise returns it.

@@ -67,7 +67,7 @@ impl LineEnd for AtSpeed<'_> {
         let mut pty = self.pty;
         let read = pty.read(buffer)?;
         let fits = pty.speed()? == (self.baud, self.stop_bits);
-        Ok(read.filter(|_| fits))
+        Ok(if fits { read } else { None })
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {

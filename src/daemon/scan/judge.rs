@@ -198,10 +198,12 @@ impl Standing {
 
     /// The name that the identity of `suspect` gives the drive, if nothing else contradicts that model.
     fn names_other(self, suspect: &Suspect) -> Option<&str> {
-        let Some(Identified::Other(word)) = self.identity.filter(|_| self.against == 0) else {
-            return None;
-        };
-        suspect.model.identity.as_ref()?.other(word)
+        match self.identity {
+            Some(Identified::Other(word)) if self.against == 0 => {
+                suspect.model.identity.as_ref()?.other(word)
+            }
+            _ => None,
+        }
     }
 
     /// The best is the least.

@@ -291,7 +291,10 @@ impl Gateway {
         self.lines.begin(handles, &self.memory().await);
         self.north.switch(&new, change, bound, broker_side);
         let is_embedded = new.mqtt.as_ref().is_some_and(MqttSettings::is_embedded);
-        self.broker = self.broker.take().or(broker).filter(|_| is_embedded);
+        self.broker = self.broker.take().or(broker);
+        if !is_embedded {
+            self.broker = None;
+        }
         self.config = new;
         changed.ring();
     }

@@ -214,7 +214,9 @@ impl Protocol for Speaker {
         let was_behind = self.session.counters().host_behind_ms;
         self.session.handle(at, event);
         let behind_ms = self.session.counters().host_behind_ms;
-        if let Some(behind_ms) = behind_ms.filter(|_| behind_ms != was_behind) {
+        if behind_ms != was_behind
+            && let Some(behind_ms) = behind_ms
+        {
             tracing::warn!(
                 behind_ms,
                 "primary host is online by a STATE message that is older than one before: its clock was ahead; the message \

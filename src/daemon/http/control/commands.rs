@@ -267,9 +267,9 @@ fn told(drive: &SharedDrive, report: Report) -> Value {
     let mut told = setup::outcome_at(drive, report, Vec::new());
     told["holder"] = report.holder.map(|holder| holder.to_string()).into();
     told["said"] = shown::said(&drive.description.model, &report).document();
-    let step =
-        setpoint_step(&drive.description.model).filter(|_| report.reason == Reason::BetweenSteps);
-    if let Some(step) = step {
+    if report.reason == Reason::BetweenSteps
+        && let Some(step) = setpoint_step(&drive.description.model)
+    {
         let said = Sentence::new("reason.between_steps_of").with("step", step.to_string());
         told["message"] = said.to_string().into();
         told["said"] = said.document();

@@ -123,9 +123,12 @@ pub(super) fn state(drive: &SharedDrive) -> Value {
     let now = clock::now();
     let output = drive.description.model.register_for(Role::OutputFrequency);
     let reading = output.and_then(|register| view.snapshot.value(register));
-    let hertz = reading
-        .filter(|_| output.is_some_and(|it| it.unit == UnitOfMeasure::Hertz))
-        .map(|it| it.value.value());
+    let hertz = match (output, reading) {
+        (Some(output), Some(reading)) if output.unit == UnitOfMeasure::Hertz => {
+            Some(reading.value.value())
+        }
+        _ => None,
+    };
     let control = view.control.as_ref();
     json!({
         "presence": presence(&view),

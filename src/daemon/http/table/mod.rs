@@ -240,12 +240,21 @@ pub(super) const SPARKPLUG: &[Metric<SparkplugTotals>] = &[
     gauge(
         "sparkplug_connected",
         "1 while all is born and the way through the broker is proven; absent while another gateway is the edge node.",
-        |it| truth(it.is_connected()).filter(|_| !it.counters().is_left_to_another),
+        |it| {
+            if it.counters().is_left_to_another {
+                None
+            } else {
+                truth(it.is_connected())
+            }
+        },
     ),
     gauge(
         "sparkplug_host_awaited",
         "1 while births wait for the primary host; absent while another gateway is the edge node.",
-        |it| Some(it.counters().host_awaited as f64).filter(|_| !it.counters().is_left_to_another),
+        |it| {
+            let counters = it.counters();
+            (!counters.is_left_to_another).then_some(counters.host_awaited as f64)
+        },
     ),
     counter(
         "sparkplug_host_losses",

@@ -59,20 +59,19 @@ impl Tree {
         let mut open = vec![(&self.root, 0)];
         while let Some((node, depth)) = open.pop() {
             let has_wildcards = depth > 0 || !topic.starts_with('$');
-            if let Some(rest) = node.below.get("#").filter(|_| has_wildcards) {
+            if has_wildcards && let Some(rest) = node.below.get("#") {
                 rest.add_to(&mut found);
             }
             let Some(level) = levels.get(depth) else {
                 node.add_to(&mut found);
                 continue;
             };
-            open.extend(
-                node.below
-                    .get("+")
-                    .filter(|_| has_wildcards)
-                    .map(|it| (it, depth + 1)),
-            );
-            open.extend(node.below.get(*level).map(|it| (it, depth + 1)));
+            if has_wildcards && let Some(any) = node.below.get("+") {
+                open.push((any, depth + 1));
+            }
+            if let Some(next) = node.below.get(*level) {
+                open.push((next, depth + 1));
+            }
         }
         found
     }

@@ -76,15 +76,15 @@ fn looked_at(control: &Control, headers: &HeaderMap) -> Result<Arc<Commissioning
 }
 
 fn allowed(control: &Control, may_set_up: bool) -> Result<Arc<Commissioning>, Refused> {
-    let commissioning = control
-        .commissioning
-        .as_ref()
-        .filter(|_| control.front.load().sets_up());
-    let commissioning = commissioning.ok_or_else(|| refused(StatusCode::FORBIDDEN, OFF))?;
-    if may_set_up {
-        Ok(Arc::clone(commissioning))
-    } else {
-        Err(refused(StatusCode::FORBIDDEN, NOT_YOURS))
+    match &control.commissioning {
+        Some(commissioning) if control.front.load().sets_up() => {
+            if may_set_up {
+                Ok(Arc::clone(commissioning))
+            } else {
+                Err(refused(StatusCode::FORBIDDEN, NOT_YOURS))
+            }
+        }
+        _ => Err(refused(StatusCode::FORBIDDEN, OFF)),
     }
 }
 
