@@ -283,7 +283,11 @@ impl ControlSettings {
     /// word.
     #[must_use]
     pub fn qualified_drive(&self) -> Option<(Address, u16)> {
-        self.site.identity.filter(|_| !self.site.actions.is_empty())
+        if self.site.actions.is_empty() {
+            None
+        } else {
+            self.site.identity
+        }
     }
 
     /// The longest time to which the drive's own watchdog may be set: the declared time, or else `lost_after`.

@@ -143,7 +143,11 @@ pub fn decimal(text: &str) -> Option<f64> {
         .bytes()
         .all(|byte| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+'));
     let is_small = exponent.is_none_or(|exponent| exponent.starts_with('-'));
-    text.parse().ok().filter(|_| is_plain && is_small)
+    if is_plain && is_small {
+        text.parse().ok()
+    } else {
+        None
+    }
 }
 
 impl fmt::Display for Hertz {
