@@ -286,10 +286,10 @@ fn order_part(model: &Model, address: Address, value: u16) -> Option<DecodedPart
 
 /// What the run command `value` orders although it is not the word of an order: a word of zeros.
 fn other_word(model: &Model, address: Address, value: u16) -> Option<RunPart> {
-    let run = model
-        .run
-        .as_ref()
-        .filter(|_| model.takes_run_commands(address))?;
+    if !model.takes_run_commands(address) {
+        return None;
+    }
+    let run = model.run.as_ref()?;
     Some(match run.order_in(value)? {
         OrderedWord::Stop => RunPart::Stop,
         OrderedWord::Coast => RunPart::Coast,

@@ -161,9 +161,11 @@ impl DriveDescription {
         snapshot: &DriveSnapshot,
         now: MonoTime,
     ) -> Option<ValueReading> {
-        let is_fresh = self
-            .stale_at(register, snapshot)
-            .is_some_and(|stale_at| now < stale_at);
-        snapshot.value(register).filter(|_| is_fresh)
+        let stale_at = self.stale_at(register, snapshot)?;
+        if now < stale_at {
+            snapshot.value(register)
+        } else {
+            None
+        }
     }
 }

@@ -16,19 +16,18 @@ pub fn before(
     is_identified: bool,
     only: Option<(Address, u16)>,
 ) -> Vec<Step> {
-    let identity = model
-        .identity
-        .as_ref()
-        .filter(|_| !is_identified)
-        .map(|identity| Step::Require {
+    let identity = match &model.identity {
+        Some(identity) if !is_identified => Some(Step::Require {
             address: identity.address,
             mask: identity.mask,
-            values: match only.filter(|(address, _)| *address == identity.address) {
-                Some((_, word)) => vec![word & identity.mask],
-                None => identity.values.value.clone(),
+            values: match only {
+                Some((address, word)) if address == identity.address => vec![word & identity.mask],
+                _ => identity.values.value.clone(),
             },
             reason: Reason::OtherDrive,
-        });
+        }),
+        _ => None,
+    };
     let settings = model
         .setup
         .iter()

@@ -33,9 +33,10 @@ impl StatusWatch {
     /// The watch of a drive of `model`, with all flags unknown. It has none on a model without status registers.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        let output =
-            OutputRegister::of(model).filter(|_| model.status_flag(Flag::Reverse).is_none());
-        let sign = output.map(|output| (output, None));
+        let sign = match OutputRegister::of(model) {
+            Some(output) if model.status_flag(Flag::Reverse).is_none() => Some((output, None)),
+            _ => None,
+        };
         Self {
             flags: model
                 .status
@@ -101,22 +102,21 @@ impl StatusWatch {
     pub fn forget(&mut self) {
         self.flags.iter_mut().for_each(|(_, value)| *value = None);
         self.undocumented = None;
-        self.sign.iter_mut().for_each(|(_, value)| *value = None);
+        if let Some((_, value)) = &mut self.sign {
+            *value = None;
+        }
     }
 
     /// Whether `flag` is set; `None` if the model has no such flag or it has not been read yet.
     #[must_use]
     pub fn get(&self, flag: Flag) -> Option<bool> {
-        let sign = || {
-            self.sign
-                .as_ref()
-                .filter(|_| flag == Flag::Reverse)
-                .and_then(|(_, value)| *value)
-        };
-        self.flags
-            .iter()
-            .find(|(it, _)| it.flag == flag)
-            .map_or_else(sign, |(_, value)| *value)
+        if let Some((_, value)) = self.flags.iter().find(|(it, _)| it.flag == flag) {
+            return *value;
+        }
+        match self.sign {
+            Some((_, value)) if flag == Flag::Reverse => value,
+            _ => None,
+        }
     }
 
     /// Whether the drive shows its motor as ordered to run. It does not while it ramps down.

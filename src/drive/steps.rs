@@ -446,14 +446,12 @@ fn register(model: &Model, write: RegisterWrite) -> Vec<Write> {
     let is_readable = model
         .writable_at(address)
         .is_some_and(|register| register.access.can_read());
-    // A form in RAM that cannot be read shows in its register.
-    let read_at = match model.in_ram_at(address).filter(|_| !is_readable) {
-        Some(register) => Some(if model.reads_ram_forms() {
-            address
-        } else {
-            register.address
-        }),
-        None => is_readable.then_some(address),
+    let read_at = match model.in_ram_at(address) {
+        _ if is_readable => Some(address),
+        Some(_) if model.reads_ram_forms() => Some(address),
+        // A form in RAM that cannot be read shows in its register.
+        Some(register) => Some(register.address),
+        None => None,
     };
     let holds = |address| Condition {
         second,

@@ -125,7 +125,7 @@ impl WatchdogWatch {
         let state = self.state();
         let stops = matches!(state, WatchdogState::InOrder | WatchdogState::TooShort);
         if state != WatchdogState::Unknown {
-            self.last_time = self.read_time().filter(|_| stops);
+            self.last_time = if stops { self.read_time() } else { None };
         }
         (state != before).then_some(state)
     }
@@ -151,7 +151,11 @@ impl WatchdogWatch {
     /// After how long without a frame the drive stops its motor by itself; `None` if not read or not reliable.
     #[must_use]
     pub fn stops_after(&self) -> Option<Duration> {
-        self.last_time.filter(|_| self.model.watchdog_is_proven())
+        if self.model.watchdog_is_proven() {
+            self.last_time
+        } else {
+            None
+        }
     }
 
     fn read_time(&self) -> Option<Duration> {

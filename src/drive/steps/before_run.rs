@@ -46,9 +46,10 @@ fn start(model: &Model) -> Result<Vec<Step>, NoSteps> {
         0
     };
     let count = steps.len() - kept;
-    let is_ready = met_after(last)
-        .filter(|_| count > 0)
-        .map(|condition| Step::Skip(Skip { condition, count }));
+    let is_ready = match met_after(last) {
+        Some(condition) if count > 0 => Some(Step::Skip(Skip { condition, count })),
+        _ => None,
+    };
     let runs = Condition::flag(model, Flag::Running, true).ok_or(NoSteps::NotCapable)?;
     let all = is_ready.into_iter().chain(steps).collect::<Vec<_>>();
     Ok([Step::Skip(Skip {

@@ -70,9 +70,10 @@ fn shows(setting: &Register, frequency: Hertz) -> Option<Condition> {
             ..condition
         });
     }
-    let word = frequency
-        .to_word(setting.scale)
-        .filter(|_| setting.form.pair.is_none() && setting.is_exact())?;
+    if setting.form.pair.is_some() || !setting.is_exact() {
+        return None;
+    }
+    let word = frequency.to_word(setting.scale)?;
     Some(Condition::holds(setting.address, vec![word], SHOWN_WITHIN))
 }
 

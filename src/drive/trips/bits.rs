@@ -5,12 +5,12 @@ use super::TripWatch;
 impl TripWatch {
     /// Bits that this reading and the one before show cleared are no longer known, while others are still set.
     pub(super) fn forget_cleared(&mut self, bits: u32) {
-        let Some(shown) = self
-            .shown
-            .filter(|_| self.places.as_ref().is_some_and(|places| places.is_bits))
-        else {
+        let (Some(shown), Some(places)) = (self.shown, &self.places) else {
             return;
         };
+        if !places.is_bits {
+            return;
+        }
         let cleared = shown & !bits;
         let gone = std::mem::replace(&mut self.fading, cleared) & cleared;
         if gone != 0 {

@@ -107,12 +107,15 @@ impl TripWatch {
     #[must_use]
     pub fn remembering(self, baseline: TripBaseline) -> Self {
         let TripBaseline { count, held, code } = baseline;
-        let counts = self.is_counted();
-        let told = count.filter(|_| counts);
+        let (told, held) = if self.is_counted() {
+            (count, None)
+        } else {
+            (None, held)
+        };
         Self {
             told,
             told_is_sure: told.is_some(),
-            held: held.filter(|_| !counts),
+            held,
             code,
             is_remembered: true,
             ..self
