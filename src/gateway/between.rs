@@ -44,7 +44,10 @@ impl LineCore {
     }
 
     fn next_between(&self, now: MonoTime) -> Option<(MonoTime, DriveIndex, Want)> {
-        let share = self.share.as_ref().filter(|_| self.listens())?;
+        if !self.listens() {
+            return None;
+        }
+        let share = self.share.as_ref()?;
         let last_byte_at = self.wire.last_byte_at();
         let wants = self
             .drives
@@ -134,8 +137,10 @@ impl LineCore {
     /// comes from a gateway that listens, and ends no role. Returns whether it is one. The reply to a single write repeats it:
     /// a late one to a stop of this gateway is none.
     pub(super) fn hears_stop(&mut self, now: MonoTime, frame: &[u8]) -> bool {
-        let decoded = framing::decode(self.timing.framing, frame).filter(|_| self.share.is_some());
-        let Some((_, pdu)) = decoded else {
+        if self.share.is_none() {
+            return false;
+        }
+        let Some((_, pdu)) = framing::decode(self.timing.framing, frame) else {
             return false;
         };
         if self.is_answer_to_stop(now, frame) {
@@ -143,9 +148,9 @@ impl LineCore {
         }
         let is_late = |drive: DriveIndex| {
             let mut own = Vec::new();
-            let late = self.drives[drive].station.answered_late(&pdu, now);
-            late.into_iter()
-                .for_each(|(request, _)| request.encode(&mut own));
+            if let Some((request, _)) = self.drives[drive].station.answered_late(&pdu, now) {
+                request.encode(&mut own);
+            }
             own == *pdu
         };
         let mut stopped = self.stops_in(frame);

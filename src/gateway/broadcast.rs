@@ -56,7 +56,10 @@ impl LineCore {
     fn common_stop(&self, now: MonoTime) -> Option<(u8, Request)> {
         let station = self.all_stop_at?;
         let unsent = self.drives.works().filter_map(DriveWork::unsent_stop);
-        let stop = unsent.clone().next().filter(|_| unsent.count() >= MANY)?;
+        let stop = unsent.clone().next()?;
+        if unsent.count() < MANY {
+            return None;
+        }
         let is_common = self
             .drives
             .works()

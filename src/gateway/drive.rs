@@ -254,7 +254,9 @@ impl DriveOnLine {
             .max();
         // Without a reply it may have been taken.
         let is_refused = matches!(ending, Ending::Exception(_));
-        if let Some(deaf) = deaf.filter(|_| !is_refused) {
+        if let Some(deaf) = deaf
+            && !is_refused
+        {
             self.station.rest_until(now + deaf);
             self.work.is_deaf_until(now + deaf);
         }

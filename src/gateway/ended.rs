@@ -525,7 +525,9 @@ impl LineCore {
         }
         self.health.diagnosis.stray(index.get(), stray);
         self.health.damage.stray(index.get(), stray);
-        if let Some(flight) = flight.filter(|_| stray != Stray::Explained) {
+        if let Some(flight) = flight
+            && stray != Stray::Explained
+        {
             flight.is_spoilt = true;
             if let Stray::WrongForm(late) = stray {
                 flight.wrong_reply = Some((HeardFrame::of(adu), Some(late)));

@@ -19,9 +19,11 @@ impl LineCore {
         if let Some(damaged_from) = self.wire.damaged_from() {
             return Some(flight.overdue_at.unwrap_or(damaged_from).max(damaged_from));
         }
-        flight
-            .overdue_at
-            .filter(|_| !self.wire.has_heard_after(flight.request_end))
+        if self.wire.has_heard_after(flight.request_end) {
+            None
+        } else {
+            flight.overdue_at
+        }
     }
 
     /// Ends the wait for a drive that has always answered sooner, if another drive waits for its stop; and the wait for

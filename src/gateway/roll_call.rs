@@ -14,7 +14,10 @@ impl LineCore {
         let has_stop = self
             .wanted_at(Rank::RepeatedStop)
             .is_some_and(|at| now >= at);
-        let Some(call) = self.roll_call_mut().filter(|_| !has_stop) else {
+        if has_stop {
+            return false;
+        }
+        let Some(call) = self.roll_call_mut() else {
             return false;
         };
         call.pass(now);
@@ -44,12 +47,12 @@ impl LineCore {
             + self
                 .timing
                 .on_wire(self.timing.adu_bytes(signal::PDU_BYTES));
-        self.share
-            .iter_mut()
-            .for_each(|share| share.told_digest = false);
-        self.roll_call_mut()
-            .into_iter()
-            .for_each(|call| call.asked(end));
+        if let Some(share) = &mut self.share {
+            share.told_digest = false;
+        }
+        if let Some(call) = self.roll_call_mut() {
+            call.asked(end);
+        }
     }
 
     /// Takes the answer of a listener, if the request `frame` of another master is one. Returns whether it is.
@@ -60,12 +63,12 @@ impl LineCore {
         let Some((signal, _)) = signal else {
             return false;
         };
-        self.share
-            .iter_mut()
-            .for_each(|share| share.differs = Some(signal.kind == SignalKind::Differs));
-        self.roll_call_mut()
-            .into_iter()
-            .for_each(|call| call.answered(now));
+        if let Some(share) = &mut self.share {
+            share.differs = Some(signal.kind == SignalKind::Differs);
+        }
+        if let Some(call) = self.roll_call_mut() {
+            call.answered(now);
+        }
         true
     }
 
@@ -84,20 +87,17 @@ impl LineCore {
     }
 
     fn roll_call(&self) -> Option<&RollCall> {
-        self.share
-            .as_ref()
-            .filter(|_| self.may_signal())?
-            .roll_call
-            .as_ref()
+        if !self.may_signal() {
+            return None;
+        }
+        self.share.as_ref()?.roll_call.as_ref()
     }
 
     fn roll_call_mut(&mut self) -> Option<&mut RollCall> {
-        let may_signal = self.may_signal();
-        self.share
-            .as_mut()
-            .filter(|_| may_signal)?
-            .roll_call
-            .as_mut()
+        if !self.may_signal() {
+            return None;
+        }
+        self.share.as_mut()?.roll_call.as_mut()
     }
 
     /// Whether a signal would be heard.

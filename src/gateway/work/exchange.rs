@@ -238,7 +238,8 @@ impl DriveWork {
         let (report, is_final) = match ending {
             _ if refused.is_some() => {
                 self.is_stop_refused = true;
-                (refused.filter(|_| latch.refused(now)), true)
+                let report = if latch.refused(now) { refused } else { None };
+                (report, true)
             }
             Ending::Reply(_) => {
                 if !doubt {

@@ -25,9 +25,12 @@ impl DriveWork {
 
     /// Takes a reading of the status at `now`: the drive shows whether it is ordered to run.
     pub(super) fn followed(&mut self, running: bool, now: MonoTime, out: Out<'_>) {
-        let Some(direction) = self.order_in_force().filter(|_| self.is_status_proven()) else {
-            self.followed = Followed::default();
-            return;
+        let direction = match self.order_in_force() {
+            Some(direction) if self.is_status_proven() => direction,
+            _ => {
+                self.followed = Followed::default();
+                return;
+            }
         };
         let ramps = self.status.get(Flag::Stopping) == Some(true);
         let turns = self.output_register.is_some() && self.output.raw() != Some(0);

@@ -86,7 +86,10 @@ impl DriveWork {
         let held_before = self.said_owner.map(|(owner, _)| owner);
         let row = self.keep_lease(out);
         let is_opened = self.guard.lease().map(|(owner, _)| owner) != held_before;
-        if let Some(row) = row.filter(|_| runs && is_opened) {
+        if let Some(row) = row
+            && runs
+            && is_opened
+        {
             self.opens_behind(row, now);
         }
     }
@@ -101,8 +104,10 @@ impl DriveWork {
 
     /// When `execution` may begin, as far as the journal is concerned.
     pub(super) fn opens_at(&self, execution: &Execution) -> MonoTime {
-        let opening = self.opening.filter(|_| waits_for_row(execution));
-        opening.map_or(MonoTime::ZERO, |opening| opening.until)
+        match self.opening {
+            Some(opening) if waits_for_row(execution) => opening.until,
+            _ => MonoTime::ZERO,
+        }
     }
 
     /// Ends the wait for the journal once it has lasted too long.

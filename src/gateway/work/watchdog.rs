@@ -28,7 +28,9 @@ impl DriveWork {
 
     pub(super) fn take_watchdog(&mut self, address: Address, words: &[u16], out: Out<'_>) {
         let is_commanded = self.guard.control().is_some();
-        if let Some(state) = self.watchdog.take(address, words).filter(|_| is_commanded) {
+        if let Some(state) = self.watchdog.take(address, words)
+            && is_commanded
+        {
             out.push_back(Effect::Note(self.drive, Note::Watchdog(state)));
         }
     }
@@ -43,13 +45,12 @@ impl DriveWork {
     /// A declared stop has no effect, and any frame keeps the drive's watchdog from acting: nothing is sent to the drive
     /// until the watchdog must have acted.
     pub(super) fn leave_to_watchdog(&mut self, now: MonoTime, out: Out<'_>) {
-        let Some(after) = self
-            .watchdog
-            .stops_after()
-            .filter(|_| self.left_at().is_some_and(|at| at <= now))
-        else {
+        let (Some(after), Some(left_at)) = (self.watchdog.stops_after(), self.left_at()) else {
             return;
         };
+        if left_at > now {
+            return;
+        }
         let until = now + after + MARGIN;
         if let Some(latch) = &mut self.latch {
             latch.leave_until(until);
