@@ -97,9 +97,12 @@ impl DriveGuard {
     /// The client of `origin` gives an order: if it repeats the adopted one in its cycle, or renews its lease, control is
     /// its own. A single message to run is reviewed like any other: it may be older than the loss.
     pub(super) fn take_up(&mut self, origin: Origin, order: &Order, now: MonoTime) {
-        let Some(adopted) = self.adopted.filter(|_| self.is_adopted()) else {
+        let Some(adopted) = self.adopted else {
             return;
         };
+        if !self.is_adopted() {
+            return;
+        }
         let is_his = match order {
             Order::Go(_) if origin.manner == Manner::Once => false,
             Order::Go(go) => match go.run() {

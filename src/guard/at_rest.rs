@@ -61,9 +61,9 @@ impl DriveGuard {
     /// Clears the word of an interrupted reset: that completes the old order and is not a new one. `None` if the drive may
     /// no longer be commanded.
     pub fn take_reset_back(&self) -> Option<Approved> {
-        self.control
-            .as_ref()
-            .filter(|_| !self.is_ending && !self.is_leaving)?;
+        if self.control.is_none() || self.is_ending || self.is_leaving {
+            return None;
+        }
         let steps = steps::of_take_back(&self.model).ok()?;
         Some(Approved {
             order: Order::Reset,
@@ -80,9 +80,9 @@ impl DriveGuard {
     /// Takes back a start that the drive did not follow, and inhibits the next one until a client orders it again. `None` if
     /// the drive may no longer be commanded.
     pub fn take_start_back(&mut self, now: MonoTime) -> Option<Approved> {
-        self.control
-            .as_ref()
-            .filter(|_| !self.is_ending && !self.is_leaving)?;
+        if self.control.is_none() || self.is_ending || self.is_leaving {
+            return None;
+        }
         let steps = steps::of_start_taken_back(&self.model).ok()?;
         self.inhibit(now);
         Some(Approved {

@@ -25,11 +25,10 @@ impl DriveGuard {
         } else {
             CommitEffect::Apply
         };
-        let Some(word) = self
-            .model
-            .commit(effect)
-            .filter(|_| !go.registers().is_empty())
-        else {
+        if go.registers().is_empty() {
+            return Ok(None);
+        }
+        let Some(word) = self.model.commit(effect) else {
             return Ok(None);
         };
         // The drive may be deaf afterwards, and an order to move must not wait for that.

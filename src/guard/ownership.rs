@@ -15,10 +15,6 @@ impl DriveGuard {
         facts: &Facts,
     ) -> Result<(), Report> {
         self.may_be_heard(origin)?;
-        let other = self
-            .lease()
-            .map(|(owner, _)| owner)
-            .filter(|owner| *owner != origin.owner);
         let reason = if facts.listens {
             Reason::Standby
         } else if !facts.line_is_up {
@@ -28,8 +24,14 @@ impl DriveGuard {
         } else if facts.is_implausible {
             Reason::Implausible
         } else {
-            let other = other.filter(|_| control.ownership == Ownership::One);
-            return other.map_or(Ok(()), |other| Err(Report::held_by(other)));
+            return match self.lease() {
+                Some((other, _))
+                    if other != origin.owner && control.ownership == Ownership::One =>
+                {
+                    Err(Report::held_by(other))
+                }
+                _ => Ok(()),
+            };
         };
         Err(refused(reason))
     }
@@ -74,9 +76,11 @@ impl DriveGuard {
         control: &ControlSettings,
         now: MonoTime,
     ) {
-        let holder = self.lease().map(|(owner, _)| owner);
-        let counts = self.counts_as_held_by(owner, control);
-        self.renew(holder.filter(|_| counts).unwrap_or(owner), now);
+        let renewed = match self.lease() {
+            Some((holder, _)) if self.counts_as_held_by(owner, control) => holder,
+            _ => owner,
+        };
+        self.renew(renewed, now);
     }
 
     fn may_be_heard(&self, origin: Origin) -> Result<(), Report> {
