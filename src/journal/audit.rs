@@ -198,7 +198,9 @@ impl Audit {
             }
             self.merges.end(&record);
         }
-        if let Some(place) = gone.place.filter(|_| gone.kept == 0) {
+        if gone.kept == 0
+            && let Some(place) = gone.place
+        {
             self.open.remove(&place);
         }
     }
