@@ -210,11 +210,10 @@ impl Diagnosis {
         if let Some(late) = self.stations.iter().find(|seen| seen.beyond_limit > 0) {
             return Some(Suspicion::LateBeyondLimit(late.station));
         }
-        let wrong = self
-            .stations
-            .iter()
-            .filter(|seen| seen.wrong_replies >= SIGNS);
-        let wrong = wrong.filter_map(|seen| {
+        let wrong = self.stations.iter().find_map(|seen| {
+            if seen.wrong_replies < SIGNS {
+                return None;
+            }
             let (request, reply) = seen.wrong?;
             Some(Suspicion::WrongReplies {
                 station: seen.station,
@@ -222,8 +221,8 @@ impl Diagnosis {
                 reply,
             })
         });
-        if let Some(wrong) = wrong.take(1).next() {
-            return Some(wrong);
+        if wrong.is_some() {
+            return wrong;
         }
         if !self.was_anything_heard {
             let silence = if self.has_characters {

@@ -97,10 +97,10 @@ impl Gap {
     /// When a stop that was sent before, and is due at `due`, may be sent again.
     #[must_use]
     pub fn again_at(&self, due: MonoTime, last_byte_at: MonoTime, now: MonoTime) -> MonoTime {
-        let again_at = self
-            .stopped_at
-            .filter(|_| !self.was_repeated)
-            .map_or(due, |at| at + AGAIN_AFTER);
+        let again_at = match self.stopped_at {
+            Some(at) if !self.was_repeated => at + AGAIN_AFTER,
+            _ => due,
+        };
         self.stop_at(due.max(again_at), last_byte_at, now)
     }
 

@@ -97,10 +97,10 @@ impl ReplyTimeouts {
         timing: &model::Timing,
         learned: Option<Duration>,
     ) -> Duration {
-        let learned = learned
-            .filter(|_| self.learns)
-            .map(|learned| learned.max(floor(timing, class)));
-        learned.map_or(self.of(class), |learned| learned.min(self.of(class)))
+        match learned {
+            Some(learned) if self.learns => learned.max(floor(timing, class)).min(self.of(class)),
+            _ => self.of(class),
+        }
     }
 
     /// The wait for a station that is known to be silent: short, but never so short that it could not answer.

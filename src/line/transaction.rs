@@ -176,9 +176,9 @@ impl Wire {
         let transaction = framing
             .identifies_replies()
             .then(|| self.transactions.take());
-        transaction
-            .into_iter()
-            .for_each(|id| framing::set_transaction(framing, &mut out[start..], id));
+        if let Some(id) = transaction {
+            framing::set_transaction(framing, &mut out[start..], id);
+        }
         let sent_bytes = out.len() - start;
         let reply_bytes = self.timing.adu_bytes(exchange.request.reply_pdu_bytes());
         let expected = Expected {
@@ -329,7 +329,8 @@ impl Wire {
     pub fn wake_at(&self) -> Option<MonoTime> {
         let has_bytes = !self.assembler.is_empty();
         match &self.open {
-            None => self.frame_end_at().filter(|_| has_bytes),
+            None if has_bytes => self.frame_end_at(),
+            None => None,
             Some(open) if open.exception.is_some() => Some(self.pause_at()),
             Some(open) => match has_bytes.then(|| self.pause_at()) {
                 // After the due time a reply may still be arriving: check again when the bytes pause.
@@ -388,8 +389,10 @@ impl Wire {
     fn holds_damaged_reply(&self) -> bool {
         // Data with the length of the reply may also be a damaged echo, and the reply is still to come.
         let may_be_echo = self.strips_echo && self.own_echo.is_awaited();
-        let open = self.open.as_ref().filter(|_| !may_be_echo);
-        open.is_some_and(|open| self.assembler.holds_damaged(&open.expected))
+        let Some(open) = &self.open else {
+            return false;
+        };
+        !may_be_echo && self.assembler.holds_damaged(&open.expected)
     }
 
     fn flush_if_silent(&mut self, now: MonoTime) {
