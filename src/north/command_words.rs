@@ -73,9 +73,11 @@ pub fn no_frequency(why: NoFrequency, key: &str, text: &str, step: Option<Decima
         NoFrequency::OutOfRange => Reason::OutsideLimits,
         NoFrequency::TooFine => Reason::BetweenSteps,
     };
-    let why = match step.filter(|_| why == NoFrequency::TooFine) {
-        Some(step) => format!("between the drive's steps of {step} Hz"),
-        None => why.to_string(),
+    let why = match step {
+        Some(step) if why == NoFrequency::TooFine => {
+            format!("between the drive's steps of {step} Hz")
+        }
+        _ => why.to_string(),
     };
     let message = format!(
         "`{key}` takes hertz with a decimal point, such as 42.5; `{}` is {why}",

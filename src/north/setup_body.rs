@@ -10,13 +10,8 @@ pub const EXAMPLE: &str = r#"{"addresses": [529, 530]}"#;
 /// The addresses that `body` names; `None` unless it is an object with only these.
 #[must_use]
 pub fn addresses(body: &[u8]) -> Option<Vec<u16>> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
-        return None;
-    };
-    let list = object
-        .get("addresses")
-        .filter(|_| object.len() == 1)?
-        .as_array()?;
+    let list = only(body, "addresses")?;
+    let list = list.as_array()?;
     let is_bounded = (1..=Go::REGISTERS_MAX).contains(&list.len());
     let address = |value: &Value| u16::try_from(value.as_u64()?).ok();
     is_bounded.then(|| list.iter().map(address).collect())?
@@ -28,10 +23,7 @@ pub const WATCHDOG_EXAMPLE: &str = r#"{"time_ms": 5000}"#;
 /// The time that `body` names, or `Some(None)` for off; `None` unless it is an object with only that.
 #[must_use]
 pub fn watchdog_time(body: &[u8]) -> Option<Option<Duration>> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
-        return None;
-    };
-    match object.get("time_ms").filter(|_| object.len() == 1)? {
+    match only(body, "time_ms")? {
         Value::Null => Some(None),
         time => time
             .as_u64()
@@ -46,14 +38,19 @@ pub const PARAMETER_EXAMPLE: &str = r#"{"raw": 100}"#;
 /// The word, or the number in two words, that `body` names; `None` unless it is an object with only that.
 #[must_use]
 pub fn parameter_number(body: &[u8]) -> Option<u32> {
-    let Value::Object(object) = serde_json::from_slice(body).ok()? else {
+    let raw = only(body, "raw")?.as_u64()?;
+    u32::try_from(raw).ok()
+}
+
+/// The value of `key` in `body`; `None` unless it is an object with only that.
+fn only(body: &[u8], key: &str) -> Option<Value> {
+    let Value::Object(mut object) = serde_json::from_slice(body).ok()? else {
         return None;
     };
-    object
-        .get("raw")
-        .filter(|_| object.len() == 1)?
-        .as_u64()
-        .and_then(|raw| u32::try_from(raw).ok())
+    if object.len() != 1 {
+        return None;
+    }
+    object.remove(key)
 }
 
 #[cfg(test)]

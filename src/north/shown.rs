@@ -133,15 +133,19 @@ pub fn warning(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Opti
 /// Whether a warning is active; `None` if the model has none, or it is not known.
 #[must_use]
 pub fn warns(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<bool> {
-    warning(drive, view, at)
-        .filter(|_| view.is_online())
-        .map(|word| word != 0)
+    if !view.is_online() {
+        return None;
+    }
+    warning(drive, view, at).map(|word| word != 0)
 }
 
 /// The texts of the active warnings; `None` if there are none, or they are not known.
 #[must_use]
 pub fn warning_text(drive: &DriveDescription, view: &DriveView, at: MonoTime) -> Option<String> {
-    let word = warning(drive, view, at).filter(|_| view.is_online())?;
+    if !view.is_online() {
+        return None;
+    }
+    let word = warning(drive, view, at)?;
     warnings::text(&drive.model, word)
 }
 

@@ -195,12 +195,11 @@ impl<C> Commands<C> {
         } = new;
         let place = description.place;
         let is_stop = order.is_stop();
-        let stop_pending_for = description
-            .control
-            .as_ref()
-            .filter(|_| is_stop)
-            .map(|it| it.stop_pending_for);
-        let forget_at = start_before + stop_pending_for.unwrap_or_default() + ANSWERED_WITHIN;
+        let stop_pending_for = match &description.control {
+            Some(control) if is_stop => control.stop_pending_for,
+            _ => Duration::ZERO,
+        };
+        let forget_at = start_before + stop_pending_for + ANSWERED_WITHIN;
         let command = CommandRequest {
             asker: self.asker,
             ticket,

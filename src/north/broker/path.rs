@@ -265,13 +265,13 @@ impl Path {
 
     /// A probe arrived.
     pub(in crate::north) fn returned(&mut self, at: MonoTime, payload: &[u8]) -> Returned {
-        let number = self
-            .seal
-            .number(payload)
-            .filter(|number| (self.settled + 1..=self.sent).contains(number));
-        let Some(number) = number.filter(|_| self.is_granted()) else {
+        let Some(number) = self.seal.number(payload) else {
             return Returned::Foreign;
         };
+        let is_awaited = (self.settled + 1..=self.sent).contains(&number);
+        if !is_awaited || !self.is_granted() {
+            return Returned::Foreign;
+        }
         self.look(at);
         self.settled = number;
         let due = self

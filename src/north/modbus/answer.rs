@@ -158,7 +158,9 @@ pub(super) fn encode_exception(out: &mut Vec<u8>, function: u8, code: u8) {
 /// The bits after the last one are zeros (V1.1b3, 6.1).
 fn put_bits(out: &mut Vec<u8>, bytes: &[u8], count: u16) {
     out.extend_from_slice(bytes);
-    if let Some(last) = out.last_mut().filter(|_| !count.is_multiple_of(8)) {
+    if !count.is_multiple_of(8)
+        && let Some(last) = out.last_mut()
+    {
         *last &= (1 << (count % 8)) - 1;
     }
 }

@@ -89,7 +89,7 @@ impl Commands {
         Some(Ended {
             call,
             exception: worst,
-            read: read.filter(|_| worst.is_none()),
+            read: if worst.is_none() { read } else { None },
         })
     }
 }

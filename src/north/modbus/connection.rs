@@ -128,11 +128,11 @@ impl Connection {
             held.extend_from_slice(&bytes[used..]);
         }
         release(&mut held);
-        self.begun = if held.is_empty() {
-            None
-        } else {
-            self.begun.filter(|_| used == 0).or(Some(now))
-        };
+        if held.is_empty() {
+            self.begun = None;
+        } else if used > 0 || self.begun.is_none() {
+            self.begun = Some(now);
+        }
         self.input = held;
     }
 
@@ -419,10 +419,10 @@ impl Connection {
 
     fn idle_due(&self) -> Option<MonoTime> {
         let idle = self.close.is_none() && self.begun.is_none() && self.pending.is_empty();
-        self.limits
-            .idle_timeout
-            .filter(|_| idle)
-            .map(|timeout| self.active + timeout)
+        match self.limits.idle_timeout {
+            Some(timeout) if idle => Some(self.active + timeout),
+            _ => None,
+        }
     }
 }
 

@@ -26,7 +26,10 @@ pub fn recall(
     words: &mut Words,
 ) -> Option<Duration> {
     let OrdersView { taken, settled_at } = view.orders;
-    let settled_at = settled_at.filter(|_| taken == orders && view.is_online())?;
+    if taken != orders || !view.is_online() {
+        return None;
+    }
+    let settled_at = settled_at?;
     let at = view.snapshot.reading(address)?.at;
     let age = now.since(at);
     let mut next = address;

@@ -36,8 +36,10 @@ impl Session {
     /// Takes the answer to a read. Answers to others, or to reads that are no longer pending, are ignored.
     pub fn native_answer(&mut self, at: Moment, answer: &NativeAnswer) {
         self.clock.see(at);
-        let pending = Some(answer.ticket).filter(|_| answer.asker == AskerId::MQTT);
-        let Some(pending) = pending.and_then(|ticket| self.commands.take(ticket)) else {
+        if answer.asker != AskerId::MQTT {
+            return;
+        }
+        let Some(pending) = self.commands.take(answer.ticket) else {
             return;
         };
         let (Request::Read(register), NativeOutcome::Words(words)) =
@@ -102,20 +104,15 @@ impl Session {
                 Some(message(&self.drives[pending.drive].model, &report))
                     .filter(|it| it != report.reason.text())
             });
-        let own_words =
-            || Some(report.reason.text().to_owned()).filter(|_| report.reason != Reason::None);
         // In addition to why it was refused, if it was.
-        let message = pending.context.remark.as_ref().map_or_else(
-            || message.clone(),
-            |remark| {
-                Some(
-                    message
-                        .clone()
-                        .or_else(own_words)
-                        .map_or_else(|| remark.clone(), |why| format!("{why}; {remark}")),
-                )
-            },
-        );
+        let message = match &pending.context.remark {
+            None => message,
+            Some(remark) => Some(match message {
+                Some(why) => format!("{why}; {remark}"),
+                None if report.reason == Reason::None => remark.clone(),
+                None => format!("{}; {remark}", report.reason.text()),
+            }),
+        };
         let asker = (
             pending.by,
             &pending.context.id,

@@ -25,10 +25,9 @@ impl Session {
         let is_clearing = publication.retain && publication.payload.is_empty();
         if is_too_large || is_clearing && !self.broker.retains {
             self.counters.too_large += u64::from(is_too_large);
-            publication
-                .token
-                .into_iter()
-                .for_each(|token| self.acknowledged(token));
+            if let Some(token) = publication.token {
+                self.acknowledged(token);
+            }
             return None;
         }
         publication.retain &= self.broker.retains;
@@ -39,7 +38,11 @@ impl Session {
     #[must_use]
     pub fn clients_gone(&self) -> Option<&str> {
         let depends = self.are_commanders_gone && self.settings.lease == LeaseMode::Session;
-        self.settings.alive_topic.as_deref().filter(|_| depends)
+        if depends {
+            self.settings.alive_topic.as_deref()
+        } else {
+            None
+        }
     }
 
     /// What is not published because it is larger than the broker takes.

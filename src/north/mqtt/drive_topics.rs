@@ -234,9 +234,10 @@ impl DriveTopics {
             let value = text
                 .parse::<f64>()
                 .map_or_else(|_| json!(text), |number| json!(number));
-            let unit = register
-                .filter(|_| matches!(kind, Kind::Polled(_)))
-                .map(|it| it.unit.symbol());
+            let unit = match (kind, register) {
+                (Kind::Polled(_), Some(register)) => Some(register.unit.symbol()),
+                _ => None,
+            };
             changes.push(Change {
                 drive: place,
                 topic,
@@ -341,6 +342,9 @@ impl DriveTopics {
         drive: &DriveDescription,
         view: &DriveView,
     ) -> Option<MonoTime> {
+        if !slot.is_filled() {
+            return None;
+        }
         let trips = drive.model.trip_register();
         let register = match kind {
             Kind::Polled(register) | Kind::Rated(register) => drive.model.registers.get(register),
@@ -349,15 +353,11 @@ impl DriveTopics {
                 drive.model.warning_register()
             }
             Kind::Param(register) => {
-                return self
-                    .params
-                    .get(&register)
-                    .filter(|_| slot.is_filled())
-                    .map(|it| param_stale_at(now, it));
+                return self.params.get(&register).map(|it| param_stale_at(now, it));
             }
             _ => None,
         };
-        stale_at(drive, register?, view).filter(|_| slot.is_filled())
+        stale_at(drive, register?, view)
     }
 
     /// When the finished walk is to be repeated; `None` while one is under way.

@@ -240,18 +240,17 @@ impl Half {
             return false;
         }
         let other = self.others.entry(half.to_owned()).or_default();
-        let lines = document
-            .get("lines")
-            .and_then(Value::as_array)
-            .filter(|_| is_online);
-        let active = |line: &Value| {
-            let is_active = line.get("role")?.as_str()? == LineRole::Active.word();
-            line.get("name")
-                .and_then(Value::as_str)
-                .filter(|_| is_active)
-                .map(str::to_owned)
+        let lines = match document.get("lines") {
+            Some(Value::Array(lines)) if is_online => lines.as_slice(),
+            _ => &[],
         };
-        let active_on: Vec<_> = lines.into_iter().flatten().filter_map(active).collect();
+        let active = |line: &Value| {
+            if line.get("role")?.as_str()? != LineRole::Active.word() {
+                return None;
+            }
+            Some(line.get("name")?.as_str()?.to_owned())
+        };
+        let active_on: Vec<_> = lines.iter().filter_map(active).collect();
         let is_less = other.active_on.iter().any(|line| !active_on.contains(line));
         *other = Other {
             active_on,
@@ -335,12 +334,11 @@ impl Half {
                 "listener": listener,
             }))
         };
-        let lines: Vec<_> = self
-            .lines
-            .iter()
-            .filter(|_| is_online)
-            .filter_map(of_line)
-            .collect();
+        let lines: Vec<_> = if is_online {
+            self.lines.iter().filter_map(of_line).collect()
+        } else {
+            Vec::new()
+        };
         json!({ "half": half, "partner": partner, "online": is_online, "lines": lines }).to_string()
     }
 

@@ -95,11 +95,12 @@ impl<T> InFlight<T> {
 
     /// When something that was refused and `may` be sent is sent again.
     pub(super) fn again_at_of(&self, may: impl Fn(&T) -> bool) -> Option<MonoTime> {
-        self.trial_from.and(self.wake()).filter(|_| {
-            self.entries
-                .iter()
-                .any(|entry| !entry.is_sent && may(&entry.it))
-        })
+        let again_at = self.trial_from.and(self.wake())?;
+        let has_one = self
+            .entries
+            .iter()
+            .any(|entry| !entry.is_sent && may(&entry.it));
+        has_one.then_some(again_at)
     }
 
     /// The broker acknowledged the one with this number. False if that is not in flight.

@@ -296,18 +296,20 @@ impl Session {
     /// A motor that is started while nobody is there to hold it is stopped soon.
     fn remark_on_clients_gone(&self, wish: &mut InputCommand) {
         let starts = matches!(&wish.order, Order::Go(go) if go.run().is_some());
-        let Some(topic) = self.clients_gone().filter(|_| starts) else {
+        if !starts {
+            return;
+        }
+        let Some(topic) = self.clients_gone() else {
             return;
         };
         let gone = format!(
             "`{topic}` says that the clients of the broker are offline: the declared action is carried out after \
              `lost_after`, unless it says `online` by then"
         );
-        wish.remark = Some(
-            wish.remark
-                .take()
-                .map_or_else(|| gone.clone(), |remark| format!("{remark}; {gone}")),
-        );
+        wish.remark = Some(match &wish.remark {
+            Some(remark) => format!("{remark}; {gone}"),
+            None => gone,
+        });
     }
 
     /// A refusal is final: the same message delivered again is answered with it and never executed.
@@ -396,9 +398,10 @@ impl Session {
 
     /// The response topic of the request, if it is allowed.
     fn reply_to(&mut self, message: &Message<'_>) -> Option<Reply> {
-        let topic = message
-            .response_topic
-            .filter(|_| self.settings.version == Version::V5)?;
+        if self.settings.version != Version::V5 {
+            return None;
+        }
+        let topic = message.response_topic?;
         let allowed = self.settings.response_prefix.as_deref();
         let is_short = message
             .correlation

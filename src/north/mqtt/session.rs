@@ -261,20 +261,21 @@ impl Session {
     /// When [`tick`](Self::tick) and [`next_act`](Self::next_act) are to be called if no event occurs before.
     #[must_use]
     pub fn next_wake(&self) -> Option<MonoTime> {
-        let open = |wake: Option<MonoTime>| wake.filter(|_| self.path.is_open());
-        let telemetry = open(self.telemetry.wake());
-        let history = open(self.history.wake());
+        let own = [self.path.wake(), self.commands.wake()];
+        let own = own.into_iter().flatten().min();
+        if !self.path.is_open() {
+            return own;
+        }
         let may_tell = |mark: &Mark| self.may_tell(self.half.now(), mark);
-        let events = open(self.events.wake(may_tell));
-        let stored = open(self.stored.wake(may_tell));
-        let half = open(self.half.wake(self.settings.heartbeat));
-        let discovery = open(self.discovery.wake());
-        let told = [telemetry, history, events, stored, half, discovery];
-        [self.path.wake(), self.commands.wake()]
-            .into_iter()
-            .chain(told)
-            .flatten()
-            .min()
+        let told = [
+            self.telemetry.wake(),
+            self.history.wake(),
+            self.events.wake(may_tell),
+            self.stored.wake(may_tell),
+            self.half.wake(self.settings.heartbeat),
+            self.discovery.wake(),
+        ];
+        told.into_iter().chain([own]).flatten().min()
     }
 
     /// The next item for the lines: commands, reads, and the state of the path from the clients; after them attempts to

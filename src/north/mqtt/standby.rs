@@ -21,9 +21,11 @@ impl Session {
 
     /// Whether the partner says that it is there; `None` without one, or while that cannot be known.
     pub(super) fn is_partner_online(&self) -> Option<bool> {
-        self.half
-            .is_partner_online()
-            .filter(|_| self.path.is_open())
+        if self.path.is_open() {
+            self.half.is_partner_online()
+        } else {
+            None
+        }
     }
 
     /// Takes the present roles of the gateway on its lines, in their order. To be called before a message is handled;

@@ -154,23 +154,18 @@ impl Telemetry {
         drives: &[DriveDescription],
         lines: &[Name],
     ) -> Vec<String> {
-        let of_drives = self
-            .drives
-            .iter()
-            .flat_map(DriveTopics::left_out)
-            .map(str::to_owned);
-        let is_line_left_out = self.lines.is_empty();
-        let lines = lines
-            .iter()
-            .filter(|_| is_line_left_out)
-            .map(|name| LineTopics::new(topics, name, drives));
-        let of_lines = lines.flat_map(|line| line.topics().map(str::to_owned).collect::<Vec<_>>());
-        let infos = self
-            .infos
-            .iter()
-            .filter(|_| !settings.publish.contains(&Tree::Info))
-            .map(|info| info.topic.clone());
-        of_drives.chain(of_lines).chain(infos).collect()
+        let of_drives = self.drives.iter().flat_map(DriveTopics::left_out);
+        let mut left_out: Vec<String> = of_drives.map(str::to_owned).collect();
+        if self.lines.is_empty() {
+            for name in lines {
+                let line = LineTopics::new(topics, name, drives);
+                left_out.extend(line.topics().map(str::to_owned));
+            }
+        }
+        if !settings.publish.contains(&Tree::Info) {
+            left_out.extend(self.infos.iter().map(|info| info.topic.clone()));
+        }
+        left_out
     }
 
     /// Adds `topics` to those that are cleared.
@@ -187,11 +182,12 @@ impl Telemetry {
     /// All retained topics of lines and drives.
     fn topics(&self) -> Vec<String> {
         let lines = self.lines.iter().flat_map(LineTopics::topics);
-        let infos = self
-            .infos
-            .iter()
-            .filter(|_| self.is_info_wanted)
-            .map(|info| info.topic.as_str());
+        let infos = if self.is_info_wanted {
+            self.infos.as_slice()
+        } else {
+            &[]
+        };
+        let infos = infos.iter().map(|info| info.topic.as_str());
         let drives = self.drives.iter().flat_map(DriveTopics::topics);
         lines
             .chain(drives)
@@ -201,11 +197,10 @@ impl Telemetry {
     }
 
     fn clear_next(&mut self, now: &Present) -> Option<Publication> {
-        let topic = self
-            .gone
-            .get(self.cleared)
-            .filter(|_| !self.spoken.is_led)?
-            .clone();
+        if self.spoken.is_led {
+            return None;
+        }
+        let topic = self.gone.get(self.cleared)?.clone();
         self.cleared += 1;
         Some(retained(now, topic, Vec::new(), Qos::AtLeastOnce))
     }
@@ -346,13 +341,16 @@ impl Telemetry {
             return self.take_info();
         };
         if let Some(topics) = self.lines.get_mut(place) {
-            return topics.next(now, lines.get(place).filter(|_| self.spoken.line(place))?);
+            if !self.spoken.line(place) {
+                return None;
+            }
+            return topics.next(now, lines.get(place)?);
         }
         let place = place - self.lines.len();
-        let topics = self
-            .drives
-            .get_mut(place)
-            .filter(|_| self.spoken.drive(place))?;
+        if !self.spoken.drive(place) {
+            return None;
+        }
+        let topics = self.drives.get_mut(place)?;
         topics.next(now, drives.get(place)?, views.get(place)?)
     }
 
@@ -391,10 +389,11 @@ fn line_topics(
     drives: &[DriveDescription],
     lines: &[Name],
 ) -> Vec<LineTopics> {
-    let is_wanted = settings.publish.contains(&Tree::Line);
+    if !settings.publish.contains(&Tree::Line) {
+        return Vec::new();
+    }
     lines
         .iter()
-        .filter(|_| is_wanted)
         .map(|name| LineTopics::new(topics, name, drives))
         .collect()
 }

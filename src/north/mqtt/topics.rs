@@ -122,17 +122,17 @@ impl Topics {
             .map(|rest| self.filter(self.gateway(&rest), false));
         // What the alive topic said while we were disconnected is valid.
         let alive = self.alive.clone().map(|path| self.filter(path, true));
-        let told = [
-            "status",
-            "standby/+",
-            "drive/+/trip/event",
-            "drive/+/trip/last",
-        ];
-        let told = told
-            .into_iter()
-            .filter(|_| self.half.is_some())
-            .map(|rest| self.filter(self.gateway(rest), true));
-        inputs.chain(alive).chain(told).collect()
+        let mut filters: Vec<Filter> = inputs.chain(alive).collect();
+        if self.half.is_some() {
+            let told = [
+                "status",
+                "standby/+",
+                "drive/+/trip/event",
+                "drive/+/trip/last",
+            ];
+            filters.extend(told.map(|rest| self.filter(self.gateway(rest), true)));
+        }
+        filters
     }
 
     /// The subscription of `path`.

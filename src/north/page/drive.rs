@@ -95,12 +95,10 @@ impl Drive<'_> {
     pub fn oldest_at(&self, now: MonoTime) -> Option<MonoTime> {
         let is_live = |register: &&Register| register.poll.is_some_and(PollClass::is_live);
         let read_at = |register: &Register| {
-            let is_fresh = quality(self.description, register, self.view, now).word() == "good";
-            self.view
-                .snapshot
-                .value(register)
-                .filter(|_| is_fresh)
-                .map(|reading| reading.at)
+            if quality(self.description, register, self.view, now).word() != "good" {
+                return None;
+            }
+            Some(self.view.snapshot.value(register)?.at)
         };
         self.polled().filter(is_live).filter_map(read_at).min()
     }
@@ -127,8 +125,10 @@ impl Drive<'_> {
     }
 
     fn hertz(&self, register: &Register, now: MonoTime) -> Option<f64> {
-        let reading = shown::fresh(self.description, register, self.view, now);
-        let reading = reading.filter(|_| register.unit == UnitOfMeasure::Hertz)?;
+        if register.unit != UnitOfMeasure::Hertz {
+            return None;
+        }
+        let reading = shown::fresh(self.description, register, self.view, now)?;
         Some(reading.value.value())
     }
 

@@ -84,7 +84,7 @@ impl Look<'_> {
     fn topic(&self, kind: Kind) -> Content {
         let drive = self.drive;
         let view = self.view;
-        let trip = Some(&view.trip).filter(|_| trips_are_fresh(drive, view, self.at));
+        let trip = trips_are_fresh(drive, view, self.at).then_some(&view.trip);
         match kind {
             Kind::Availability => Content::Bool(view.is_online()),
             Kind::RunState => Content::Text(answered_run_state(view).word().into()),
@@ -104,8 +104,8 @@ impl Look<'_> {
             }
             Kind::Usage(part) => view.usage.value(part).map_or(Content::Null, Content::Sum),
             Kind::TripActive => Content::bool(trip.and_then(|trip| trip.active)),
-            Kind::TripCount => Content::number(view.trip_kept.count.filter(|_| trip.is_some())),
-            Kind::TripCode => Content::number(trip_code(view).filter(|_| trip.is_some())),
+            Kind::TripCount => Content::number(trip.and(view.trip_kept.count)),
+            Kind::TripCode => Content::number(trip.and(trip_code(view))),
             Kind::TripText => Content::text(trip.and_then(|_| trip::active_text(drive, view))),
             Kind::WarningActive => {
                 Content::bool(warning(drive, view, self.at).map(|word| word != 0))
@@ -240,15 +240,10 @@ impl Look<'_> {
         };
         match content {
             Content::Value(_) => of_register().unwrap_or(self.at),
-            _ if definition.is_trip() => {
-                let record = self
-                    .view
-                    .trip_kept
-                    .last
-                    .as_ref()
-                    .filter(|_| self.view.trip.active == Some(true));
-                record.map_or(self.at, |record| record.at)
-            }
+            _ if definition.is_trip() => match &self.view.trip_kept.last {
+                Some(record) if self.view.trip.active == Some(true) => record.at,
+                _ => self.at,
+            },
             _ => self.at,
         }
     }

@@ -109,10 +109,11 @@ fn part(device: &Device, metric: &Metric) -> Result<Option<MetricOrder>, Refused
             format!("`{name}` is not written; what is: {right}"),
         )
     })?;
-    let value = metric
-        .value
-        .as_ref()
-        .filter(|_| metric.is_null != Some(true));
+    let value = if metric.is_null == Some(true) {
+        None
+    } else {
+        metric.value.as_ref()
+    };
     match input {
         Input::Frequency => frequency(name, value, device.setpoint_step())
             .map(MetricOrder::Frequency)

@@ -300,7 +300,7 @@ impl Session {
             .iter()
             .filter(|device| device.is_born || !self.is_born && self.keeps());
         let devices = looked_at.filter_map(Device::wake).min();
-        let rebirth = self.rebirth_at.filter(|_| may_tell);
+        let rebirth = if may_tell { self.rebirth_at } else { None };
         [path, rebirth, self.commands.wake(), devices]
             .into_iter()
             .flatten()

@@ -85,9 +85,11 @@ fn name(model: &Model, address: Address) -> Option<String> {
     };
     // A drive without input registers may serve its holding registers by 04 as well.
     let as_holding = || {
-        model
-            .register_at(address.number())
-            .filter(|_| address.table() == Table::Input)
+        if address.table() == Table::Input {
+            model.register_at(address.number())
+        } else {
+            None
+        }
     };
     let register = model.register_at(address).or_else(as_holding);
     register
@@ -129,8 +131,9 @@ fn text(drive: &KnownDrive, register: &Register, word: u16) -> String {
     let model = &drive.model;
     let depends = register.form.bases().next().is_some() || register.form.exponent_mask != 0;
     let value = register.value(|address| (address == register.address).then_some(word));
-    let Some(scaled) = value.filter(|_| !depends) else {
-        return format!("0x{word:04X}");
+    let scaled = match value {
+        Some(scaled) if !depends => scaled,
+        _ => return format!("0x{word:04X}"),
     };
     if matches!(register.role, Some(Role::RunCommand | Role::Order)) {
         return with_meaning(format!("0x{word:04X}"), order_text(model, register, word));
@@ -215,15 +218,12 @@ fn order_text(model: &Model, register: &Register, word: u16) -> String {
         }
         .to_owned();
     }
-    let Some(run) = model
-        .run
-        .as_ref()
-        .filter(|_| register.role == Some(Role::RunCommand))
-    else {
+    let (Some(run), Some(Role::RunCommand)) = (&model.run, register.role) else {
         return String::new();
     };
-    let zero = run.zero.as_ref().filter(|_| word == 0);
-    if let Some(zero) = zero {
+    if word == 0
+        && let Some(zero) = &run.zero
+    {
         return word_for(&ZERO_WORDS, &zero.value).to_owned();
     }
     let senses = run.form.senses();

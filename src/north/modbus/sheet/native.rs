@@ -27,10 +27,12 @@ pub fn native(drive: &DriveDescription, rights: Rights) -> Vec<SheetRow> {
         .iter()
         .flat_map(|control| &control.native_write)
         .filter_map(|address| {
+            if model.register_at(*address).is_some() {
+                return None;
+            }
             let register = model
                 .stored_twin(*address)
-                .or_else(|| model.in_ram_at((*address).into()));
-            let register = register.filter(|_| model.register_at(*address).is_none())?;
+                .or_else(|| model.in_ram_at((*address).into()))?;
             Some(of(
                 model,
                 register,
@@ -212,20 +214,19 @@ fn order_words(model: &Model, address: Address) -> Vec<String> {
         rows.push(row(words.forward, "forward", true));
         rows.extend(words.reverse.map(|reverse| row(reverse, "reverse", true)));
     }
-    let run = model
-        .run
-        .as_ref()
-        .filter(|_| model.takes_run_commands(address));
     let is_command = model.orders_at(address).any(|(_, fact)| fact.value == 0);
-    let zero = run.and_then(|run| run.order_in(0)).filter(|_| !is_command);
-    rows.extend(zero.map(|order| {
-        if order == OrderedWord::Coast {
+    if let Some(run) = &model.run
+        && model.takes_run_commands(address)
+        && !is_command
+        && let Some(order) = run.order_in(0)
+    {
+        let zero = if order == OrderedWord::Coast {
             "0 coast"
         } else {
             "0 stop"
-        }
-        .to_owned()
-    }));
+        };
+        rows.push(zero.to_owned());
+    }
     rows
 }
 

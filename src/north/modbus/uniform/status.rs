@@ -103,7 +103,11 @@ pub(super) fn status(sources: &Sources, view: &DriveView, present: &Present) -> 
     let now = present.now;
     let listens = present.standby == Some(LineRole::Listening);
     let state = run_state(view);
-    let control = view.control.as_ref().filter(|_| sources.has_control);
+    let control = if sources.has_control {
+        view.control.as_ref()
+    } else {
+        None
+    };
     let is_local = view.is_online() && view.status.is_local() == Some(true);
     let is_leased = control
         .and_then(|control| control.lease)

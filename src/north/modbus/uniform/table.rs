@@ -186,11 +186,11 @@ impl WordRow {
                 }
             }
             From::Usage(part, steps) => {
-                let used = look
-                    .view
-                    .usage
-                    .steps(part, steps)
-                    .filter(|_| unit.sources.usage.has(part));
+                let used = if unit.sources.usage.has(part) {
+                    look.view.usage.steps(part, steps)
+                } else {
+                    None
+                };
                 let used = used.map(|used| used.min(u64::from(u32::MAX - 1)));
                 self.long(address, used.and_then(|used| i64::try_from(used).ok()))
             }

@@ -55,8 +55,10 @@ impl Uniform {
 
     /// Word 256.
     pub(super) fn intent(&self, view: &DriveView) -> u16 {
-        let control = view.control.as_ref().filter(|_| self.has_control());
-        control.map_or(run::STOP, |control| run_word(control.intent))
+        match &view.control {
+            Some(control) if self.has_control() => run_word(control.intent),
+            _ => run::STOP,
+        }
     }
 
     /// The vendor's number while a trip is active, 0 without one; absent if the number or the trip is not known.
@@ -91,11 +93,10 @@ impl Uniform {
 
     /// The owner of control, and the remaining time without a heartbeat.
     fn lease(&self, view: &DriveView, now: MonoTime) -> Option<(Owner, Duration)> {
-        let (owner, until) = view
-            .control
-            .as_ref()
-            .filter(|_| self.has_control())?
-            .lease?;
+        if !self.has_control() {
+            return None;
+        }
+        let (owner, until) = view.control.as_ref()?.lease?;
         (now < until).then(|| (owner, until.since(now)))
     }
 
@@ -141,7 +142,11 @@ impl Uniform {
     }
 
     fn control_of<'v>(&self, look: &Look<'v>) -> Option<&'v ControlView> {
-        look.view.control.as_ref().filter(|_| self.has_control())
+        if self.has_control() {
+            look.view.control.as_ref()
+        } else {
+            None
+        }
     }
 }
 

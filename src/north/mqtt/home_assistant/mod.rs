@@ -220,7 +220,10 @@ impl Discovery {
 
     /// When something is to be published; `None` while there is nothing to publish, or no room in flight.
     pub(super) fn wake(&self) -> Option<MonoTime> {
-        let way = self.way.filter(|_| self.in_flight.len() < IN_FLIGHT_MAX)?;
+        if self.in_flight.len() >= IN_FLIGHT_MAX {
+            return None;
+        }
+        let way = self.way?;
         let has_work = self.walk.is_some() || !self.gone.is_empty() || !self.moving.is_empty();
         let (begun, gone) = self.burst;
         let room_at = if gone < BURST {

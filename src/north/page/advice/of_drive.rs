@@ -41,21 +41,40 @@ impl Drive<'_> {
         if let Some(warning) = warning_text(description, self.view, now) {
             said.say(Sign::Warns, warns(warning));
         }
-        if let Some(state) = self
-            .view
-            .status
-            .undocumented
-            .filter(|_| self.view.is_online())
-        {
-            let text = Sentence::new("finding.undocumented_state")
-                .with("register", state.address.to_string());
-            said.say(
-                Sign::UndocumentedState,
-                text.with("value", u64::from(state.word)),
-            );
+        if self.view.is_online() {
+            self.undocumented_state(&mut said);
+            self.refused_registers(&mut said);
         }
-        for refused in self.view.refused.iter().filter(|_| self.view.is_online()) {
-            let model = &description.model;
+        if let Some(settings) = &description.control {
+            self.obedience(&mut said, interface, now);
+            self.setpoint_limits(&mut said, settings, now);
+            if let Some(it) = self.view.watchdog {
+                self.watchdog(&mut said, settings, it);
+            }
+            if let Some(it) = &self.view.control {
+                control(&mut said, it, &description.model, now);
+            }
+        }
+        said.all
+    }
+
+    /// A state that the documents of the model do not name.
+    fn undocumented_state(&self, said: &mut Advice) {
+        let Some(state) = self.view.status.undocumented else {
+            return;
+        };
+        let text =
+            Sentence::new("finding.undocumented_state").with("register", state.address.to_string());
+        said.say(
+            Sign::UndocumentedState,
+            text.with("value", u64::from(state.word)),
+        );
+    }
+
+    /// The registers that the drive refuses to show.
+    fn refused_registers(&self, said: &mut Advice) {
+        for refused in &self.view.refused {
+            let model = &self.description.model;
             let name = model
                 .register_at(refused.address)
                 .map_or_else(String::new, |register| register.title.clone());
@@ -74,19 +93,6 @@ impl Drive<'_> {
                 text.with("name", name).with("code", code),
             );
         }
-        if let Some(settings) = &description.control {
-            self.obedience(&mut said, interface, now);
-            self.setpoint_limits(&mut said, settings, now);
-            self.view
-                .watchdog
-                .iter()
-                .for_each(|it| self.watchdog(&mut said, settings, *it));
-            self.view
-                .control
-                .iter()
-                .for_each(|it| control(&mut said, it, &description.model, now));
-        }
-        said.all
     }
 
     /// What the drive shows that no drive of its model shows.

@@ -27,11 +27,10 @@ impl Line<'_> {
             (Some(reason), None) => said.say(Sign::LineDown, self.down(reason)),
             (None, None) => {}
         }
-        let bad = report
-            .quality
-            .bad_per_cent
-            .filter(|_| report.state == LineState::Up)
-            .unwrap_or(0);
+        let bad = match report.quality.bad_per_cent {
+            Some(bad) if report.state == LineState::Up => bad,
+            _ => 0,
+        };
         if report.quality.is_suspended {
             said.say(Sign::Suspended, suspended(bad));
         } else if bad > 0 {
