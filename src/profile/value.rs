@@ -119,15 +119,15 @@ impl Ratio {
 
     /// The frequency, to the nearest thousandth; `None` below 0.
     fn to_hertz(self) -> Option<Hertz> {
+        if self.numerator < 0 {
+            return None;
+        }
         let twice = self
             .numerator
             .checked_mul(2000)?
             .checked_add(self.denominator)?;
         let milli = twice.checked_div(self.denominator.checked_mul(2)?)?;
-        u32::try_from(milli)
-            .ok()
-            .filter(|_| self.numerator >= 0)
-            .map(Hertz::from_millihertz)
+        u32::try_from(milli).ok().map(Hertz::from_millihertz)
     }
 }
 
@@ -312,7 +312,10 @@ impl Register {
     /// between two steps, or the register is a word or a fraction.
     #[must_use]
     pub fn pair_of(&self, frequency: Hertz) -> Option<[u16; 2]> {
-        let order = self.form.pair.filter(|_| self.is_exact())?;
+        if !self.is_exact() {
+            return None;
+        }
+        let order = self.form.pair?;
         let number = frequency
             .to_steps(self.scale)
             .filter(|number| !self.signed || number.cast_signed() >= 0)?;

@@ -138,12 +138,12 @@ fn forms_are_free(
                 .valid()
                 .is_some_and(|role| role.value.is_guarded()),
         };
-        let Some(form) = alias
-            .form_of(address.value)
-            .filter(|_| is_stored && has_form(Some(alias), register, address.value))
-        else {
+        let Some(form) = alias.form_of(address.value) else {
             continue;
         };
+        if !is_stored || !has_form(Some(alias), register, address.value) {
+            continue;
+        }
         is_used = true;
         let covers = |other: &&RegisterFile| {
             let words = if other.form.is_pair() { 2 } else { 1 };

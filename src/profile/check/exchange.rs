@@ -316,14 +316,10 @@ fn first_without(
     for register in &file.registers {
         let words = if register.form.is_pair() { 2 } else { 1 };
         let is_fit = may(register.access.as_ref()?.value);
-        fit.extend(
-            register
-                .place()?
-                .value
-                .onwards()
-                .take(words)
-                .filter(|_| is_fit),
-        );
+        let place = register.place()?.value;
+        if is_fit {
+            fit.extend(place.onwards().take(words));
+        }
     }
     let in_decimal = file
         .quirks

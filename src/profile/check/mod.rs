@@ -56,7 +56,10 @@ pub(super) fn model_and_id(
         Some((file.ready()?, file.id?.location))
     });
     problems.sort_by_key(|problem| problem.span.start);
-    ready.filter(|_| problems.is_empty()).ok_or(problems)
+    match ready {
+        Some(ready) if problems.is_empty() => Ok(ready),
+        _ => Err(problems),
+    }
 }
 
 /// The rules between the keys of a file.

@@ -157,9 +157,12 @@ fn stop_replaces_run(run: &RunFile, problems: &mut Vec<Problem>) {
         .collect();
     let together = runs.iter().filter(|kind| name(**kind) == stop).count();
     let elsewhere = runs.iter().find(|kind| name(**kind) != stop);
-    let Some(first) = elsewhere.filter(|_| together > 0 || is_of_bits) else {
+    let Some(first) = elsewhere else {
         return;
     };
+    if together == 0 && !is_of_bits {
+        return;
+    }
     let Some(location) = [*first, OrderKind::Stop]
         .into_iter()
         .find_map(|kind| run.places.named(kind))

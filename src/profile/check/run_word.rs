@@ -334,7 +334,7 @@ pub(super) fn zero_is_known(run: &RunFile, location: &Location, problems: &mut V
         .is_some_and(|form| form.value == FormWord::Bits);
     let by_bits = (has_bits && is_complete(run)).then(|| by_bits(&senses));
     let Some(zero) = &run.zero else {
-        if let Some(why) = reason_for_zero(run).filter(|_| has_bits) {
+        if has_bits && let Some(why) = reason_for_zero(run) {
             let what = format!("`zero` is left out, and {why}");
             let word = by_bits.flatten().map_or_else(|| "...".to_owned(), quoted);
             let right = format!(

@@ -132,7 +132,10 @@ fn turns_nothing_off(run: &RunFile, problems: &mut Vec<Problem>) {
         .steps
         .last()
         .is_some_and(|last| !matches!(last.until, OptionalKey::Absent));
-    let Some(stop) = run.stop.value.as_ref().filter(|_| !is_shown) else {
+    if is_shown {
+        return;
+    }
+    let Some(stop) = &run.stop.value else {
         return;
     };
     let words = run

@@ -62,11 +62,7 @@ fn a_field_is_not_compared_whole(
     registers: &[RegisterFile],
     problems: &mut Vec<Problem>,
 ) {
-    let Some(name) = status
-        .register
-        .as_ref()
-        .filter(|_| matches!(status.mask, OptionalKey::Absent))
-    else {
+    let (Some(name), OptionalKey::Absent) = (&status.register, &status.mask) else {
         return;
     };
     let register = registers
@@ -191,13 +187,17 @@ fn trips_have_a_register(file: &ModelFile, problems: &mut Vec<Problem>) {
         })
     };
     let first = |is_bit: bool| file.trips.iter().find(|trip| trip.is_bit == is_bit);
-    if let Some(trip) = first(false).filter(|_| !has(&[Role::TripCode, Role::TripCause])) {
+    if let Some(trip) = first(false)
+        && !has(&[Role::TripCode, Role::TripCause])
+    {
         let problem = trip
             .location
             .problem("no register holds the number of a trip");
         problems.push(problem.right("a register with `role = \"trip-code\"` or \"trip-cause\""));
     }
-    if let Some(trip) = first(true).filter(|_| !has(&[Role::TripBits])) {
+    if let Some(trip) = first(true)
+        && !has(&[Role::TripBits])
+    {
         let problem = trip.location.problem("no register holds the bits of trips");
         problems.push(problem.right("a register with `role = \"trip-bits\"`, or `code`"));
     }

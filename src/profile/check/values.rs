@@ -246,10 +246,8 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
     let Some(Spanned { value: scale, .. }) = register.form.full_scale.valid() else {
         return;
     };
-    if let Some(from) = scale
-        .from
-        .valid()
-        .filter(|_| role(register) == Some(Role::OutputFrequency))
+    if let Some(from) = scale.from.valid()
+        && role(register) == Some(Role::OutputFrequency)
     {
         tell(
             &from.location,
@@ -259,10 +257,9 @@ fn full_scale_is_known(register: &RegisterFile, file: &ModelFile, problems: &mut
         );
     }
     let is_configured = scale.of.as_ref().is_some_and(|of| of.value == CONFIGURED);
-    if let Some(parameter) = scale
-        .parameter
-        .valid()
-        .filter(|_| !is_configured && scale.of.is_some())
+    if let Some(parameter) = scale.parameter.valid()
+        && !is_configured
+        && scale.of.is_some()
     {
         let right = "leave it out, or `of = \"configured\"`";
         tell(
@@ -321,7 +318,10 @@ fn basis<'f>(
     problems: &mut Vec<Problem>,
 ) -> Option<&'f RegisterFile> {
     let before = problems.len();
-    let basis = readable(name, &file.registers, problems).filter(|_| problems.len() == before)?;
+    let basis = readable(name, &file.registers, problems)?;
+    if problems.len() != before {
+        return None;
+    }
     let form = &basis.form;
     let is_simple = !form.is_pair()
         && form.exponent_mask.valid().is_none()
@@ -427,11 +427,8 @@ fn is_one_value(register: &RegisterFile, problems: &mut Vec<Problem>) {
             problems,
         );
     }
-    if let Some(part) = form
-        .plus
-        .iter()
-        .find_map(|part| part.address.as_ref())
-        .filter(|_| full_scale.is_some())
+    if full_scale.is_some()
+        && let Some(part) = form.plus.iter().find_map(|part| part.address.as_ref())
     {
         tell(
             &part.location,

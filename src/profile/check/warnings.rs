@@ -40,13 +40,17 @@ pub(super) fn check(file: &ModelFile, problems: &mut Vec<Problem>) {
             .iter()
             .find(|warning| warning.is_bit == is_bit)
     };
-    if let Some(warning) = first(false).filter(|_| code.is_none()) {
+    if code.is_none()
+        && let Some(warning) = first(false)
+    {
         let problem = warning
             .location
             .problem("no register holds the number of a warning");
         problems.push(problem.right("a register with `role = \"warning-code\"`"));
     }
-    if let Some(warning) = first(true).filter(|_| bits.is_none()) {
+    if bits.is_none()
+        && let Some(warning) = first(true)
+    {
         let problem = warning
             .location
             .problem("no register holds the bits of warnings");

@@ -262,7 +262,11 @@ fn cited<'d>(
     problems: &mut Vec<Problem>,
 ) -> Option<Option<&'d Document>> {
     let (name, location) = source.value.split_once(' ').unwrap_or((&source.value, ""));
-    let document = documents.find(name).filter(|_| !location.is_empty());
+    let document = if location.is_empty() {
+        None
+    } else {
+        documents.find(name)
+    };
     if document.is_none() {
         let names: Vec<_> = documents
             .names()

@@ -84,14 +84,13 @@ impl StatusFile {
             .as_ref()
             .and_then(|it| address_of(&it.value, &file.registers))
             == Some(address);
-        let values = self.values.as_ref().map(|values| &values.value);
-        let clear = self.clear.valid().map(|clear| &clear.value);
-        let words = values
-            .into_iter()
-            .chain(clear)
-            .flatten()
-            .map(|word| word.value);
-        words.filter(move |_| is_there && self.mask.or(u16::MAX) == Some(mask))
+        let lists = if is_there && self.mask.or(u16::MAX) == Some(mask) {
+            [self.values.as_ref(), self.clear.valid()]
+        } else {
+            [None, None]
+        };
+        let words = lists.into_iter().flatten().flat_map(|list| &list.value);
+        words.map(|word| word.value)
     }
 }
 

@@ -49,19 +49,20 @@ impl Model {
             && register.address.table() == Table::Holding
             && register.form.pair.is_none()
             && is_stored(register);
-        let number = alias
-            .form_of(register.address.number())
-            .filter(|_| is_aliased)?;
+        if !is_aliased {
+            return None;
+        }
+        let number = alias.form_of(register.address.number())?;
         Some(register.address.at(number))
     }
 
     /// The register whose RAM form is at `address`.
     #[must_use]
     pub fn in_ram_at(&self, address: Address) -> Option<&Register> {
-        let number = self
-            .proven_alias()?
-            .register_of(address.number())
-            .filter(|_| address.table() == Table::Holding)?;
+        if address.table() != Table::Holding {
+            return None;
+        }
+        let number = self.proven_alias()?.register_of(address.number())?;
         self.registers
             .iter()
             .find(|it| it.address == address.at(number) && self.ram_form(it) == Some(address))

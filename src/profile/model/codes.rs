@@ -66,9 +66,11 @@ impl CodeRule {
                     !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit())
                 };
                 let parsed = |text: &str| {
-                    text.parse::<i64>()
-                        .ok()
-                        .filter(|_| is_number(text) && text.len() <= 6)
+                    if is_number(text) && text.len() <= 6 {
+                        text.parse::<i64>().ok()
+                    } else {
+                        None
+                    }
                 };
                 let address =
                     parsed(of_group)? * i64::from(*group) + parsed(of_number)? * i64::from(*number);

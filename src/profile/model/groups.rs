@@ -74,10 +74,10 @@ impl Model {
             CodeRule::Groups {
                 groups, separator, ..
             } => {
-                let (name, _) = groups
-                    .iter()
-                    .find(|(_, byte)| *byte == high)
-                    .filter(|_| low < NUMBERS_MAX)?;
+                if low >= NUMBERS_MAX {
+                    return None;
+                }
+                let (name, _) = groups.iter().find(|(_, byte)| *byte == high)?;
                 format!("{name}{separator}{low:02}")
             }
         };

@@ -130,7 +130,11 @@ impl Timing {
     /// How long the drive is left alone after a write, which went to a stored register if `is_stored`.
     #[must_use]
     pub fn pause_after(&self, is_stored: bool) -> Duration {
-        let stored = self.pause_after_stored_write.as_ref().filter(|_| is_stored);
+        let stored = if is_stored {
+            self.pause_after_stored_write.as_ref()
+        } else {
+            None
+        };
         let pauses = [self.pause_after_write.as_ref(), stored]
             .into_iter()
             .flatten();

@@ -217,7 +217,11 @@ impl Model {
                 .plus
                 .iter()
                 .any(|part| part.address == address);
-            register.poll.filter(|_| (is_own && is_whole) || is_part)
+            if (is_own && is_whole) || is_part {
+                register.poll
+            } else {
+                None
+            }
         };
         self.registers.iter().filter_map(class).min()
     }

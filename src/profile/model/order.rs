@@ -151,12 +151,14 @@ impl Model {
         if orders.peek().is_some() {
             return orders.any(|(kind, _)| stops(kind));
         }
-        let run = self
-            .run
-            .as_ref()
-            .filter(|_| self.takes_run_commands(address));
-        let other = run.and_then(|run| run.order_in(word));
-        matches!(other, Some(OrderedWord::Stop | OrderedWord::Coast))
+        let Some(run) = &self.run else {
+            return false;
+        };
+        self.takes_run_commands(address)
+            && matches!(
+                run.order_in(word),
+                Some(OrderedWord::Stop | OrderedWord::Coast)
+            )
     }
 
     /// Whether run commands are written to `address`, but for the orders that have a register of their own.

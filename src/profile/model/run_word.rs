@@ -332,10 +332,10 @@ impl RunCommand {
             .into_iter()
             .find(|kind| is_word(*kind) && is_here(*kind));
         let kept = (self.is_stop(word) && is_here(OrderKind::Stop)).then_some(OrderedWord::Stop);
-        exact
-            .map(OrderedWord::of)
-            .or(kept)
-            .or_else(|| self.order_in_zero().filter(|_| word == 0))
+        match exact.map(OrderedWord::of).or(kept) {
+            None if word == 0 => self.order_in_zero(),
+            order => order,
+        }
     }
 
     /// What a written 0 orders that is no command; `None` if the model does not say what a drive does with it.

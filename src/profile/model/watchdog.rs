@@ -27,9 +27,10 @@ impl Model {
         };
         let register = self.register_at(watchdog.time)?;
         let steps = time.as_millis() * u128::from(register.scale);
-        let word = u16::try_from(steps / 1000)
-            .ok()
-            .filter(|_| steps.is_multiple_of(1000))?;
+        if !steps.is_multiple_of(1000) {
+            return None;
+        }
+        let word = u16::try_from(steps / 1000).ok()?;
         (register.takes(word) && self.watchdog_time(word) == Some(time)).then_some(word)
     }
 

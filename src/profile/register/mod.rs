@@ -163,7 +163,7 @@ impl RegisterFile {
             .access
             .as_ref()
             .is_some_and(|access| !access.value.can_read());
-        if let Some(poll) = register.poll.valid().filter(|_| unreadable) {
+        if unreadable && let Some(poll) = register.poll.valid() {
             let problem = poll
                 .location
                 .problem("polling requires a readable register");
