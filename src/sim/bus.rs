@@ -329,9 +329,9 @@ impl SimBus {
             return self.transmissions.recycle(frame);
         }
         let transaction = framing::transaction_of(self.options.framing, request);
-        transaction
-            .into_iter()
-            .for_each(|id| framing::set_transaction(self.options.framing, &mut frame, id));
+        if let Some(id) = transaction {
+            framing::set_transaction(self.options.framing, &mut frame, id);
+        }
         self.newest_reply.extend_from_slice(&frame);
         let transmissions = &self.transmissions;
         let turnaround = self.options.turnaround;
@@ -376,7 +376,9 @@ impl SimBus {
         self.report.collisions +=
             self.transmissions
                 .add(station, start, start <= right_time, frame, hole);
-        if let Some((behind, frame)) = twin.filter(|_| !self.transmissions.is_full()) {
+        if let Some((behind, frame)) = twin
+            && !self.transmissions.is_full()
+        {
             self.report.collisions +=
                 self.transmissions
                     .add(station, start + length + behind, false, frame, usize::MAX);

@@ -211,9 +211,10 @@ impl SimDrive {
             .ram_alias
             .as_ref()
             .is_some_and(|rule| rule.value.is_readable);
-        index_in_ram(&self.model, address)
-            .filter(|_| is_readable)
-            .map(|index| self.held(at, index))
+        if !is_readable {
+            return None;
+        }
+        index_in_ram(&self.model, address).map(|index| self.held(at, index))
     }
 
     /// Takes `value` or keeps the old one; returns what the register at `address` then holds.

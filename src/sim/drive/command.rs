@@ -79,10 +79,10 @@ pub(super) fn wish(model: &Model, address: Address, word: u16) -> Option<RunOrde
                 });
             states(run, &meanings, latches)
         }
-        RunForm::Values | RunForm::Bits { .. } => {
-            let zero = || zero_command(run).filter(|_| word == 0 && is_own);
-            one_command(model, address, word).or_else(zero)
-        }
+        RunForm::Values | RunForm::Bits { .. } => match one_command(model, address, word) {
+            None if word == 0 && is_own => zero_command(run),
+            order => order,
+        },
     }
 }
 

@@ -269,11 +269,10 @@ impl SimDrive {
 
     /// The frequency at which the motor would run now: without direction, or below 0 where the sign of the setpoint turns it.
     fn wanted(&self) -> i64 {
-        let panel = self
-            .options
-            .panel_frequency_hz
-            .filter(|_| !self.is_frequency_from_bus());
-        let frequency = panel.map_or(self.setpoint, |hertz| i64::from(hertz) * MICROHERTZ);
+        let frequency = match self.options.panel_frequency_hz {
+            Some(hertz) if !self.is_frequency_from_bus() => i64::from(hertz) * MICROHERTZ,
+            _ => self.setpoint,
+        };
         if self.control.is_jog {
             JOG
         } else {

@@ -73,11 +73,11 @@ impl Memory {
 
     /// What was kept back acts, and is lost with the power; false if there was nothing.
     pub(super) fn apply(&mut self, index: usize) -> bool {
-        let number = self.waiting[index].take();
-        number
-            .into_iter()
-            .for_each(|number| self.now[index] = number);
-        number.is_some()
+        let Some(number) = self.waiting[index].take() else {
+            return false;
+        };
+        self.now[index] = number;
+        true
     }
 
     /// What it holds outlasts the power.
@@ -148,7 +148,10 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
     }
     let bit = 1_u16.checked_shl(model.quirks.stored_alias_bit.as_ref()?.value.into())?;
     let number = address.number();
-    let index = index_of(model, address.at(number & !bit)).filter(|_| number & bit != 0)?;
+    if number & bit == 0 {
+        return None;
+    }
+    let index = index_of(model, address.at(number & !bit))?;
     // Only parameters are stored: commands are written only, measurements are read only.
     (model.registers[index].access == Access::ReadWrite).then_some(MemoryAddress {
         index,
@@ -158,10 +161,11 @@ pub(super) fn place_of(model: &Model, address: Address) -> Option<MemoryAddress>
 
 /// The stored register whose form in RAM is at `address`.
 pub(super) fn index_in_ram(model: &Model, address: Address) -> Option<usize> {
+    if address.table() != Table::Holding {
+        return None;
+    }
     let rule = model.quirks.ram_alias.as_ref()?.value;
-    let number = rule
-        .register_of(address.number())
-        .filter(|_| address.table() == Table::Holding)?;
+    let number = rule.register_of(address.number())?;
     let index = index_of(model, address.at(number))?;
     let register = &model.registers[index];
     (register.access == Access::ReadWrite && register.memory != Some(Kind::Ram)).then_some(index)

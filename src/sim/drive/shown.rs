@@ -179,9 +179,10 @@ impl SimDrive {
             .min()
             .unwrap_or(start.at(u16::MAX))
             .min(start.saturating_add(4 * BLOCK_RECORDS));
-        let offset = address
-            .offset_from(start)
-            .filter(|_| is_block && address < end)?;
+        if !is_block || address >= end {
+            return None;
+        }
+        let offset = address.offset_from(start)?;
         let record = self.trips.record(usize::from(offset / 4))?;
         let register = &newest[usize::from(offset % 4)];
         Some(match offset % 4 {

@@ -154,12 +154,11 @@ impl SimDrive {
             .model
             .register_for(Role::RunCommand)
             .is_some_and(|run| run.address == address);
-        match until
-            .filter(|_| !is_own)
-            .filter(|until| until.address == address && !self.tripped && !runs)
-        {
-            Some(until) => (word & !until.mask) | until.values.first().copied().unwrap_or_default(),
-            None => word,
+        match until {
+            Some(until) if !is_own && until.address == address && !self.tripped && !runs => {
+                (word & !until.mask) | until.values.first().copied().unwrap_or_default()
+            }
+            _ => word,
         }
     }
 }
