@@ -143,8 +143,10 @@ impl Signal {
 
 /// The address and the number of words of a read from the station of signals.
 fn read_of_signal(station: Station, pdu: &[u8]) -> Option<(u16, u16)> {
-    let Request::Read { address, count } = Request::decode(pdu).filter(|_| station == STATION)?
-    else {
+    if station != STATION {
+        return None;
+    }
+    let Request::Read { address, count } = Request::decode(pdu)? else {
         return None;
     };
     (address.table() == Table::Holding).then(|| (address.number(), count))
