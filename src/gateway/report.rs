@@ -2,9 +2,17 @@
 
 use super::core::LineCore;
 use super::work::DriveWork;
+use crate::domain::ids::DriveIndex;
 use crate::domain::report::{LineCounters, LineReport, LineWaiting};
 
 impl LineCore {
+    /// The drives whose stop is not effective yet, and whether it was sent at all.
+    pub fn open_stops(&self) -> impl Iterator<Item = (DriveIndex, bool)> + '_ {
+        self.drives
+            .iter()
+            .filter_map(|drive| Some((drive.index, drive.work.open_stop()?)))
+    }
+
     /// The line's state and counters.
     #[must_use]
     pub fn report(&self) -> LineReport {

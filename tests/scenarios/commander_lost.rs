@@ -4,8 +4,9 @@ use crate::support::{MQTT, Rig, RigOptions, STOP, control, plc, run, setpoint};
 use std::time::Duration;
 use vfd_gateway::domain::command::{Direction, Order, Origin, Outcome, Owner, Reason, RunIntent};
 use vfd_gateway::domain::control::FailSafe;
-use vfd_gateway::domain::ids::Station;
+use vfd_gateway::domain::ids::{DriveIndex, Station};
 use vfd_gateway::domain::link::PortKind;
+use vfd_gateway::domain::report::LineFault;
 use vfd_gateway::gateway::{Input, Note};
 
 const RUN: u16 = 0x0002;
@@ -330,6 +331,27 @@ fn the_end_of_the_gateway_is_an_action_of_its_own() {
         }
         assert!(rig.core.is_at_rest());
         assert_eq!(rig.written(RUN), written);
+    }
+}
+
+#[test]
+fn the_end_of_the_gateway_tells_a_stop_that_was_never_sent_from_one_without_effect() {
+    for (is_line_down, was_sent) in [(true, false), (false, true)] {
+        let mut rig = running(FailSafe::Stop, FailSafe::Stop);
+        if is_line_down {
+            rig.close(LineFault::Gone);
+        } else {
+            rig.bus.set_faults("lost=1000".parse().unwrap());
+        }
+        rig.core.handle(rig.now, Input::Shutdown);
+        rig.settle();
+        rig.pass(Duration::from_secs(1));
+        let open: Vec<_> = rig.core.open_stops().collect();
+        assert_eq!(
+            open,
+            [(DriveIndex(0), was_sent)],
+            "line down: {is_line_down}"
+        );
     }
 }
 

@@ -11,6 +11,9 @@ use crate::drive::view::{TripEvent, TripEventKind};
 use crate::gateway::{Effect, Input};
 use std::io;
 
+/// What follows from a stop without effect.
+const MAY_RUN: &str = "the motor may still run, go to the drive";
+
 impl LineTask<'_> {
     /// Passes all waiting messages to the core.
     pub(super) fn take_messages(&mut self) {
@@ -125,6 +128,27 @@ impl LineTask<'_> {
                 )
             }
             TripEventKind::Cleared => tracing::info!(line, drive, while_away, "trip cleared"),
+        }
+    }
+
+    /// Says of each drive what the shutdown leaves behind.
+    pub(super) fn tell_of_open_stops(&self) {
+        let line = &self.port.line;
+        for (drive, was_sent) in self.core.open_stops() {
+            let drive = self.name_of(drive);
+            if !was_sent {
+                tracing::error!(
+                    line,
+                    drive,
+                    "a STOP was never sent, because the drive could not be reached; shutting down anyway: {MAY_RUN}"
+                );
+            } else if !self.is_hurried {
+                tracing::error!(
+                    line,
+                    drive,
+                    "a STOP had no effect; shutting down anyway: it was sent, and {MAY_RUN}"
+                );
+            }
         }
     }
 

@@ -326,12 +326,8 @@ impl LineTask<'_> {
         let now = clock::now();
         let has_unsent = self.core.has_unsent_stop();
         let is_through = self.core.is_at_rest() || self.is_hurried && !has_unsent;
-        let begins_to_rest = (is_through || now >= until) && self.rests.take().is_some();
-        if begins_to_rest && !is_through {
-            tracing::error!(
-                line = self.port.line,
-                "a STOP had no effect; shutting down anyway"
-            );
+        if is_through || now >= until {
+            self.rests = None;
         }
         let is_late = now
             >= if has_unsent {
@@ -349,6 +345,8 @@ impl LineTask<'_> {
         if self.ending.is_none() {
             self.core
                 .handle(clock::now(), Input::PortDown(LineFault::Gone));
+        } else {
+            self.tell_of_open_stops();
         }
         self.core.end_attempts(clock::now());
         self.act(None)

@@ -19,7 +19,8 @@ impl StopLatch {
     }
 
     /// Whether nothing was sent for it in this run of the gateway.
-    pub(super) const fn is_unsent(&self) -> bool {
+    #[must_use]
+    pub const fn is_unsent(&self) -> bool {
         (self.is_first() || self.is_remembered) && !self.was_broadcast
     }
 

@@ -309,6 +309,12 @@ impl DriveWork {
         self.latch.as_ref().is_some_and(StopLatch::is_first)
     }
 
+    /// Whether the stop that is not effective yet was sent; `None` without one.
+    #[must_use]
+    pub fn open_stop(&self) -> Option<bool> {
+        self.latch.as_ref().map(|latch| !latch.is_unsent())
+    }
+
     /// Whether a stop is not effective yet.
     #[must_use]
     pub const fn has_stop(&self) -> bool {
