@@ -13,6 +13,7 @@ use crate::drive::sight::LastSeen;
 use crate::drive::status::UndocumentedState;
 use crate::drive::watchdog::WatchdogState;
 use crate::line::standby::Change;
+use std::time::Duration;
 
 /// An event of a drive that no request caused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -169,6 +170,15 @@ pub enum Note {
         "the other gateway of the line is lost: the drive goes on, and its client has the time of a lost one to come back"
     )]
     Adopted,
+    /// The line was handed over, or came back because no other gateway took it, and the drive does not go on: its direction is
+    /// not known, or a stop from before had no effect yet.
+    #[error("the line was given up on purpose, and the drive does not go on: the declared action is {}", .0.word())]
+    LineGiven(FailSafe),
+    /// The same, and the drive goes on for a while.
+    #[error(
+        "the line was given up on purpose: the drive goes on, and its client has the time of a lost one to come here"
+    )]
+    GoesOn,
     /// A stop is sent while another gateway or master has the line: one frame of two masters.
     #[error("a stop is sent between the frames of the gateway or master that has the line")]
     StopBetween,
@@ -207,8 +217,11 @@ pub enum LineNote {
     #[error("the line's exchanges are good again: run orders are accepted")]
     Resumed,
     /// This gateway sends on the line from now on.
-    #[error("active on the line: no other gateway was heard")]
-    TakenOver,
+    #[error("active on the line: {}", silence(.silent_for))]
+    TakenOver {
+        /// How long nothing of another gateway or master at work was heard; `None`: never since the port was opened.
+        silent_for: Option<Duration>,
+    },
     /// The same, because the line was handed over.
     #[error("active on the line: the other gateway handed it over")]
     HandedOver,
@@ -226,6 +239,18 @@ pub enum LineNote {
     /// The suspected cause of the failures; `None`: no longer any.
     #[error("{}", suspected(.0))]
     Suspects(Option<Suspicion>),
+}
+
+fn silence(silent_for: &Option<Duration>) -> String {
+    match silent_for {
+        Some(time) => {
+            format!(
+                "no other gateway or master was heard at work for {:.1} s",
+                time.as_secs_f64()
+            )
+        }
+        None => "no other gateway or master was heard at work since the port was opened".to_owned(),
+    }
 }
 
 const fn sender(is_gateway: &bool) -> &'static str {

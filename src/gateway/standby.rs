@@ -474,7 +474,9 @@ impl LineCore {
         self.effects.push_back(Effect::LineNote(if was_handed_over {
             LineNote::HandedOver
         } else {
-            LineNote::TakenOver
+            LineNote::TakenOver {
+                silent_for: heard_at.map(|at| now.since(at)),
+            }
         }));
         for drive in self.drives.iter_mut() {
             if let Some(heard_at) = heard_at {

@@ -180,6 +180,17 @@ fn when_the_active_one_is_killed_the_other_does_what_is_declared() {
             OnGatewayLost::Adopt => Note::Adopted,
         };
         assert!(notes.contains(&expected), "{action:?}: {notes:?}");
+        let silence = pair.halves[1]
+            .line_notes
+            .iter()
+            .find_map(|(_, note)| match note {
+                LineNote::TakenOver { silent_for } => *silent_for,
+                _ => None,
+            });
+        assert!(
+            silence.is_some_and(|time| (2..5).contains(&time.as_secs())),
+            "{action:?}: {silence:?}"
+        );
     }
 }
 
@@ -546,6 +557,11 @@ fn a_line_that_is_handed_over_goes_on_without_a_pause_and_without_a_stop() {
             .line_notes
             .iter()
             .any(|(_, note)| *note == LineNote::HandedOver)
+    );
+    let told: Vec<_> = pair.halves[1].notes.iter().map(|(_, note)| *note).collect();
+    assert!(
+        told.contains(&Note::GoesOn) && !told.contains(&Note::Adopted),
+        "no gateway is lost: {told:?}"
     );
     for _ in 0..10 {
         pair.command(1, ORIGIN, 0, run(Direction::Forward, Some(3000)));

@@ -95,7 +95,7 @@ impl DriveWork {
         match heard {
             HeardOrder::Stop { coast } if !self.stands() => {
                 let lost = self.guard.repeat_stop(coast, now);
-                self.gateway_lost(lost, now, out);
+                self.gateway_left(lost, goes_on, now, out);
             }
             HeardOrder::Run(direction, at) => {
                 let is_newer = self.status_at.is_some_and(|status_at| status_at > at);
@@ -186,16 +186,27 @@ impl DriveWork {
         out: Out<'_>,
     ) {
         let lost = self.guard.gateway_left(direction, goes_on, now);
-        self.gateway_lost(lost, now, out);
+        self.gateway_left(lost, goes_on, now, out);
     }
 
-    fn gateway_lost(&mut self, lost: Option<Lost>, now: MonoTime, out: Out<'_>) {
+    /// The gateway that had the line is lost, or gave it up on purpose (`was_given`).
+    fn gateway_left(&mut self, lost: Option<Lost>, was_given: bool, now: MonoTime, out: Out<'_>) {
         self.has_changed = true;
         if self.guard.is_adopted() {
-            out.push_back(Effect::Note(self.drive, Note::Adopted));
+            let note = if was_given {
+                Note::GoesOn
+            } else {
+                Note::Adopted
+            };
+            out.push_back(Effect::Note(self.drive, note));
         }
         if let Some(lost) = lost {
-            out.push_back(Effect::Note(self.drive, Note::GatewayLost(lost.action)));
+            let note = if was_given {
+                Note::LineGiven(lost.action)
+            } else {
+                Note::GatewayLost(lost.action)
+            };
+            out.push_back(Effect::Note(self.drive, note));
             self.fail_safe(lost, now, out);
         }
     }
