@@ -216,15 +216,25 @@ pub fn may_still_run(view: &DriveView) -> Sentence {
 /// Why a declared action runs, and how far it has come.
 #[must_use]
 pub fn fail_safe_text(run: FailSafeRun) -> Sentence {
-    let came = match run.action {
-        FailSafe::Hold => Sentence::new("finding.failsafe.hold"),
-        action => Sentence::new(format!("finding.failsafe.{}", run.stage.word()))
-            .with("action", action.word()),
-    };
-    let cause = Sentence::new(format!("finding.cause.{}", run.cause.word()));
+    let came = fail_safe_stage(run.action.word(), run.stage.word());
     Sentence::new("finding.failsafe")
-        .with("cause", cause)
+        .with("cause", fail_safe_cause(run.cause.word()))
         .with("came", came)
+}
+
+/// Why a declared action runs, from its word.
+#[must_use]
+pub fn fail_safe_cause(cause: &str) -> Sentence {
+    Sentence::new(format!("finding.cause.{cause}"))
+}
+
+/// How far a declared action has come, from the words for it and for its stage.
+#[must_use]
+pub fn fail_safe_stage(action: &str, stage: &str) -> Sentence {
+    if action == FailSafe::Hold.word() {
+        return Sentence::new("finding.failsafe.hold");
+    }
+    Sentence::new(format!("finding.failsafe.{stage}")).with("action", action)
 }
 
 /// The run state for clients that are also shown that the drive does not answer: such a drive may do anything.

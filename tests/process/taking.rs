@@ -165,7 +165,7 @@ fn assert_journal_names_everybody(plant: &Plant) {
     for said in [
         format!("pump-1 {one} holds control\n"),
         format!("{bob} took control over from {two}\n"),
-        format!("refused, other_owner ({one})\n"),
+        format!("refused: {one} holds control of the drive\n"),
         format!("{one} does not hold control any more\n"),
     ] {
         assert!(words.contains(&said), "no `{said}` in:\n{words}");

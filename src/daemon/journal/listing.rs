@@ -2,7 +2,10 @@
 
 use super::reader::ReadRow;
 use crate::domain::calendar::rfc3339;
+use crate::domain::command::Reason;
 use crate::journal::{Row, Table};
+use crate::north::shown::{fail_safe_cause, fail_safe_stage};
+use crate::north::texts::{Sentence, english};
 use serde_json::{Value, json};
 
 /// The columns of CSV.
@@ -91,46 +94,37 @@ fn word(body: &Value, key: &str) -> String {
 
 fn attempt(body: &Value) -> String {
     let outcome = body["outcome"].as_str().unwrap_or("no end is known");
-    let reason = body["reason"].as_str().filter(|reason| *reason != "none");
-    let reason = reason
-        .map(|reason| format!(", {reason}"))
-        .unwrap_or_default();
-    let holder = body["holder"]
-        .as_str()
-        .map(|holder| format!(" ({holder})"))
-        .unwrap_or_default();
-    let times = match body["count"].as_u64() {
+    let times = match body["times"].as_u64() {
         Some(count) if count > 1 => format!(" ({count} times)"),
         _ => String::new(),
     };
-    format!(
-        "{}: {}: {outcome}{reason}{holder}{times}",
-        body["by"].as_str().unwrap_or("unknown"),
-        word(body, "tried")
-    )
+    let by = body["by"].as_str().unwrap_or("unknown");
+    format!("{by}: {}: {outcome}{}{times}", word(body, "tried"), why(body))
 }
 
 fn fail_safe(body: &Value) -> String {
-    // Rows of versions before 0.9 have no stage.
-    let stage = body["stage"]
-        .as_str()
-        .map(|stage| format!(" ({})", stage.replace('_', " ")));
-    format!(
-        "fail-safe action {}{}: {}",
-        word(body, "tried"),
-        stage.unwrap_or_default(),
-        word(body, "cause")
-    )
+    let cause = fail_safe_cause(&word(body, "cause"));
+    let tried = word(body, "tried");
+    match body["stage"].as_str() {
+        Some(stage) => format!("{cause}. {}", fail_safe_stage(&tried, stage)),
+        // Rows of versions before 0.9 have no stage.
+        None => format!("{cause}. The declared action is {tried}"),
+    }
 }
 
 fn may_still_run(body: &Value) -> String {
+    let state = |state: &str| {
+        english(&format!("finding.state.{state}"))
+            .unwrap_or(state)
+            .to_owned()
+    };
     let hertz = body["output_hz"]
         .as_f64()
         .map(|hertz| format!(" at {hertz:.2} Hz"))
         .unwrap_or_default();
     let seen = body["run_state"]
         .as_str()
-        .map(|state| format!(", last seen {state}{hertz}"));
+        .map(|seen| format!(", last seen {}{hertz}", state(seen)));
     format!("out of sight{}: it may still run", seen.unwrap_or_default())
 }
 
@@ -186,6 +180,24 @@ fn words(row: &Row, body: &Value) -> String {
         .collect()
 }
 
+/// Why an attempt ended as it did, behind its outcome; empty without a reason.
+fn why(body: &Value) -> String {
+    let Some(reason) = body["reason"]
+        .as_str()
+        .filter(|reason| *reason != Reason::None.word())
+    else {
+        return String::new();
+    };
+    let plain = english(&format!("reason.{reason}")).unwrap_or(reason);
+    match body["holder"].as_str() {
+        Some(holder) => format!(
+            ": {}",
+            Sentence::new("reason.held_by").with("holder", holder)
+        ),
+        None => format!(": {plain}"),
+    }
+}
+
 /// How control changed hands, and whom it concerns.
 fn lease(body: &Value, owner: &str) -> String {
     match body["state"].as_str().unwrap_or("?") {
@@ -204,6 +216,7 @@ fn lease(body: &Value, owner: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::fail_safe::{Cause, FailSafeStage};
     use crate::domain::time::WallTime;
 
     #[test]
@@ -229,11 +242,11 @@ mod tests {
         let row = Row::new(at, "attempt", Some("pump-1"), &attempt);
         assert_eq!(
             in_json(Table::Audit, &ReadRow::Sound(row.clone()), true)["text"],
-            "mqtt: run?[2J: refused, tripped (3 times)"
+            "mqtt: run?[2J: refused: the drive is tripped: reset it first (3 times)"
         );
         assert_eq!(
             said(row),
-            "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused, tripped (3 times)\n"
+            "1970-01-01T00:00:00.000Z pump-1 mqtt: run?[2J: refused: the drive is tripped: reset it first (3 times)\n"
         );
         for (body, expected) in [
             (
@@ -257,6 +270,60 @@ mod tests {
         assert_eq!(
             said,
             "1970-01-01T00:00:00.000Z hall-1 line down: the port is gone\n"
+        );
+    }
+
+    #[test]
+    fn no_row_shows_a_word_for_programs() {
+        let said = |kind, body: Value| {
+            words(
+                &Row::new(WallTime { unix_ms: 0 }, kind, Some("pump-1"), &body),
+                &body,
+            )
+        };
+        for reason in Reason::ALL {
+            let body = json!({ "by": "mqtt", "tried": "run forward", "outcome": "refused", "reason": reason.word() });
+            let text = said("attempt", body);
+            assert!(
+                !reason.word().contains('_') || !text.contains(reason.word()),
+                "{text}"
+            );
+        }
+        let held = json!({ "by": "mqtt", "tried": "stop", "outcome": "refused", "reason": "other_owner", "holder": "bob" });
+        assert_eq!(
+            said("attempt", held),
+            "mqtt: stop: refused: bob holds control of the drive"
+        );
+        for cause in Cause::ALL {
+            for stage in FailSafeStage::ALL {
+                let body = json!({ "tried": "stop", "cause": cause.word(), "stage": stage.word() });
+                let text = said("failsafe", body);
+                assert!(
+                    text.contains("The declared action (stop) ") && !text.contains('_'),
+                    "{text}"
+                );
+            }
+            let old = said(
+                "failsafe",
+                json!({ "tried": "coast", "cause": cause.word() }),
+            );
+            assert!(old.ends_with(". The declared action is coast"), "{old}");
+        }
+        let held = said(
+            "failsafe",
+            json!({ "tried": "hold", "cause": "shutdown", "stage": "effective" }),
+        );
+        assert!(
+            held.starts_with("the gateway shuts down. ") && held.contains("left as it is"),
+            "{held}"
+        );
+        let unseen = said(
+            "may_still_run",
+            json!({ "run_state": "forward", "output_hz": 20 }),
+        );
+        assert_eq!(
+            unseen,
+            "out of sight, last seen running forward at 20.00 Hz: it may still run"
         );
     }
 }
