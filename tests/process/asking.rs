@@ -232,7 +232,10 @@ fn watch_goes_on_when_the_gateway_comes_back() {
     assert_eq!(watch.end_within(Duration::from_secs(2)).code(), Some(0));
 }
 
-/// Typed from the map: run command, lease, seconds left, reason.
+/// Typed from the map: status bits and the one for a drive that answers, alarm bits, run command, lease, seconds left, reason.
+const STATUS: u16 = 1;
+const ONLINE: u16 = 1;
+const ALARMS: u16 = 17;
 const RUN: u16 = 256;
 const LEASE: u16 = 258;
 const LEFT: u16 = 18;
@@ -241,7 +244,13 @@ const REASON: u16 = 261;
 #[test]
 fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
     for signal in ["TERM", "INT", "HUP"] {
-        let unit = StandIn::new(&[(RUN, 0), (LEFT, 1), (REASON, 0)]);
+        let unit = StandIn::new(&[
+            (STATUS, ONLINE),
+            (ALARMS, 0),
+            (RUN, 0),
+            (LEFT, 1),
+            (REASON, 0),
+        ]);
         let mut write = begin("write", unit.address, "101", &["run", "forward"]);
         write.wait_for("that it stays", |line| {
             line.contains("the lease is renewed").then_some(())
@@ -263,7 +272,7 @@ fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
             write.text()
         );
         assert!(
-            write.text().contains("the stop is acknowledged"),
+            write.text().contains("the stop is confirmed"),
             "{}",
             write.text()
         );
@@ -278,7 +287,13 @@ fn who_starts_a_drive_renews_its_lease_and_stops_it_at_the_end() {
 
 #[test]
 fn who_starts_a_drive_once_is_warned() {
-    let unit = StandIn::new(&[(RUN, 0), (LEFT, 30), (REASON, 0)]);
+    let unit = StandIn::new(&[
+        (STATUS, ONLINE),
+        (ALARMS, 0),
+        (RUN, 0),
+        (LEFT, 30),
+        (REASON, 0),
+    ]);
     let output = ask("write", unit.address, "101", &["run", "reverse", "--once"]);
     assert_eq!(output.status.code(), Some(0));
     assert!(
@@ -298,6 +313,23 @@ fn who_starts_a_drive_once_is_warned() {
             .success()
     );
     assert_eq!(unit.written()[1..], [(257, 4250), (RUN, 0)]);
+}
+
+#[test]
+fn a_stop_without_effect_is_no_success() {
+    const PENDING: u16 = 1 << 6;
+    for (status, alarms, words) in [
+        (ONLINE | PENDING, 1, "the drive shows no effect"),
+        (PENDING, 1, "the drive does not answer any more"),
+    ] {
+        let unit = StandIn::new(&[(STATUS, status), (ALARMS, alarms), (RUN, 0), (REASON, 0)]);
+        let stop = ask("write", unit.address, "101", &["run", "stop"]);
+        assert_fails(
+            &stop,
+            1,
+            &["NOT CONFIRMED", words, "may still run: go to the drive"],
+        );
+    }
 }
 
 #[test]

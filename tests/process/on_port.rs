@@ -129,7 +129,7 @@ fn who_makes_a_motor_run_stays_and_stops_it() {
     std::thread::sleep(Duration::from_secs(2));
     commander.interrupt();
     commander.wait_for("that the stop is told", |line| {
-        line.contains("the stop is acknowledged").then_some(())
+        line.contains("the stop is confirmed").then_some(())
     });
     assert_eq!(
         commander.end_within(PATIENCE).code(),

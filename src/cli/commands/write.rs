@@ -3,9 +3,10 @@
 
 mod start_words;
 
-use crate::cli::tools::client::{Client, LEASE_LEFT, NoAnswer, address};
+use crate::cli::tools::client::{Client, LEASE_LEFT, NoAnswer, address, reason};
 use crate::cli::tools::log::complain;
-use crate::cli::tools::order::{Order, STOP, TAKE, frequency, reason, stop};
+use crate::cli::tools::order::{Order, TAKE, frequency};
+use crate::cli::tools::stopping::{COAST, CONFIRMED, STOP, stop};
 use crate::cli::tools::straight_write::{Straight, arm, extra};
 use crate::cli::tools::target::Target;
 use crate::cli::tools::told_to_stop::told_to_stop;
@@ -91,15 +92,17 @@ async fn carry_out(
     if !(order.makes_run() || order.takes()) || args.once {
         tokio::select! {
             sent = order.send(client) => sent?,
-            () = &mut told => return Err(Failure::failed("interrupted before an answer arrived: it may have been carried out")),
+            () = &mut told => return Err(Failure::failed(order.interrupted())),
         }
         if order.makes_run() || order.takes() || order.starts.is_some() {
             complain(b"warning: nothing renews the lease; the drive will run its fail-safe action when it expires\n");
         }
-        return print(&format!(
-            "{}: acknowledged by the drive, now or before\n",
-            order.text
-        ));
+        let done = if order.stops() {
+            CONFIRMED
+        } else {
+            "acknowledged by the drive, now or before"
+        };
+        return print(&format!("{}: {done}\n", order.text));
     }
     if args.is_straight() && order.makes_run() {
         arm(client, &args.straight).await?;
@@ -133,7 +136,7 @@ const RUN_COMMANDS: [(&str, u16); 7] = [
     ("stop", STOP),
     ("forward", 1),
     ("reverse", 2),
-    ("coast", 3),
+    ("coast", COAST),
     ("reset", 4),
     ("release", 5),
     ("take", TAKE),

@@ -3,9 +3,10 @@
 
 use super::Failure;
 use crate::domain::address::{Address, Table};
+use crate::domain::command::Reason;
 use crate::domain::units::UnitOfMeasure;
 use crate::drive::view::RunState;
-use crate::north::modbus::address as map;
+use crate::north::modbus::{Limits, address as map};
 use std::fmt;
 use std::io;
 use std::os::unix::net::UnixStream as StdUnixStream;
@@ -16,8 +17,9 @@ use tokio::time::timeout;
 use tokio_modbus::client::{Context, Reader, Writer, tcp};
 use tokio_modbus::{ExceptionCode, Slave};
 
-/// Longest wait for a connection, and for an answer: as long as the gateway lets a request wait.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for a connection, and for an answer: longer than the gateway lets a request wait, so that a drive that does
+/// not answer is not taken for a gateway that is dead.
+const PATIENCE: Duration = Limits::ANSWER_WITHIN.saturating_add(Duration::from_secs(3));
 
 /// Why there is no answer.
 #[derive(Debug)]
@@ -450,6 +452,21 @@ impl fmt::Display for Value {
             Self::Meaning(word, text) => write!(f, "{text} ({word})"),
         }
     }
+}
+
+/// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
+pub async fn reason(client: &mut Client) -> String {
+    let number = client
+        .read(REASON, 1)
+        .await
+        .ok()
+        .and_then(|words| words.first().copied());
+    let reason = Reason::ALL
+        .iter()
+        .find(|reason| Some(reason.number()) == number && **reason != Reason::None);
+    reason
+        .map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word()))
+        .unwrap_or_default()
 }
 
 #[cfg(test)]

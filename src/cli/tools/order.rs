@@ -1,19 +1,11 @@
 //! An order of one word to one drive, written and answered for; and the stop after it.
 
 use super::Failure;
-use super::client::{Client, LEASE_LEFT, NoAnswer, REASON};
-use crate::domain::command::Reason;
+use super::client::{Client, LEASE_LEFT, NoAnswer, reason};
+use super::stopping::{self, COAST, STOP, stop};
 use crate::domain::frequency::{Hertz, NoFrequency};
 use crate::north::modbus::address as map;
-use std::time::Duration;
-use tokio::time::sleep;
 
-/// How often the final stop is attempted.
-const STOP_TRIES: u32 = 3;
-/// Wait between these attempts.
-const STOP_AGAIN: Duration = Duration::from_millis(200);
-/// The run command that stops.
-pub const STOP: u16 = 0;
 /// The one that takes control over without moving anything.
 pub const TAKE: u16 = 6;
 
@@ -45,11 +37,32 @@ impl Order {
         self.is_uniform && self.address == map::RUN && self.word == TAKE
     }
 
-    /// Writes it.
+    /// Whether it stops the drive or cuts its output off.
+    #[must_use]
+    pub fn stops(&self) -> bool {
+        self.is_uniform && self.address == map::RUN && matches!(self.word, STOP | COAST)
+    }
+
+    /// What is said if a person ends the program before it is done.
+    #[must_use]
+    pub fn interrupted(&self) -> String {
+        let what = if self.stops() {
+            "its effect was seen: the motor may still run"
+        } else {
+            "an answer arrived: it may have been carried out"
+        };
+        format!("{}: interrupted before {what}", self.text)
+    }
+
+    /// Writes it. A stop is done once the drive shows its effect.
     ///
     /// # Errors
-    /// It is refused, or there is no answer.
+    /// It is refused, has no effect, or there is no answer.
     pub async fn send(&self, client: &mut Client) -> Result<(), Failure> {
+        if self.stops() {
+            let stopped = stopping::confirmed(client, self.word).await;
+            return stopped.map_err(|failure| Failure::failed(format!("{}: {failure}", self.text)));
+        }
         match client.write(self.address, self.word).await {
             Ok(()) => Ok(()),
             Err(error) => Err(self.explained(client, &error).await),
@@ -121,41 +134,6 @@ pub fn frequency(value: &str) -> Result<u16, Failure> {
     hertz
         .centihertz()
         .ok_or_else(|| wrong(&NoFrequency::OutOfRange))
-}
-
-/// The uniform unit's reason for the last command, to be appended to a message; empty if there is none.
-pub async fn reason(client: &mut Client) -> String {
-    let number = client
-        .read(REASON, 1)
-        .await
-        .ok()
-        .and_then(|words| words.first().copied());
-    let reason = Reason::ALL
-        .iter()
-        .find(|reason| Some(reason.number()) == number && **reason != Reason::None);
-    reason
-        .map(|reason| format!("; the gateway notes: {} ({})", reason.text(), reason.word()))
-        .unwrap_or_default()
-}
-
-/// Stops the drive, and reports it.
-///
-/// # Errors
-/// No stop was acknowledged.
-pub async fn stop(client: &mut Client) -> Result<String, Failure> {
-    let mut last = None;
-    for _ in 0..STOP_TRIES {
-        match client.write(map::RUN, STOP).await {
-            Ok(()) => return Ok("the stop is acknowledged".to_owned()),
-            Err(error) => last = Some(error),
-        }
-        sleep(STOP_AGAIN).await;
-    }
-    let why = last.map(|error| error.to_string()).unwrap_or_default();
-    let then = "the drive will run its fail-safe action when the lease ends";
-    Err(Failure::failed(format!(
-        "THE STOP IS NOT ACKNOWLEDGED: {why}; {then}"
-    )))
 }
 
 #[cfg(test)]

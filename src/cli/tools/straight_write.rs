@@ -1,10 +1,11 @@
 //! What `write` needs besides its order if there is no gateway: limits, and permissions.
 
 use super::Failure;
-use super::client::{Client, NoAnswer};
+use super::client::{Client, NoAnswer, reason};
 use super::log::complain;
-use super::order::{Order, frequency, reason, stop};
+use super::order::{Order, frequency};
 use super::own_gateway::{Extra, control};
+use super::stopping::{STOP, acknowledged};
 use super::target::Target;
 use crate::domain::command::Reason;
 use crate::domain::control::ControlAction;
@@ -147,7 +148,15 @@ fn basics_are_accepted(model: &Model, accepted: &[String]) -> Result<(), Failure
 /// The stop is not acknowledged or shows no effect, or the frequency is refused.
 pub async fn arm(client: &mut Client, straight: &Straight) -> Result<(), Failure> {
     complain(WARNING.as_bytes());
-    stop(client).await?;
+    arm_simulated(client, straight).await
+}
+
+/// The same where no motor turns.
+///
+/// # Errors
+/// As of [`arm`].
+pub async fn arm_simulated(client: &mut Client, straight: &Straight) -> Result<(), Failure> {
+    acknowledged(client, STOP).await?;
     let until = Instant::now() + AT_REST_WITHIN;
     let word = straight.frequency.as_deref().map(frequency).transpose()?;
     let Some(word) = word else {

@@ -94,12 +94,16 @@ fn word(body: &Value, key: &str) -> String {
 
 fn attempt(body: &Value) -> String {
     let outcome = body["outcome"].as_str().unwrap_or("no end is known");
-    let times = match body["times"].as_u64() {
+    let times = match body["count"].as_u64() {
         Some(count) if count > 1 => format!(" ({count} times)"),
         _ => String::new(),
     };
     let by = body["by"].as_str().unwrap_or("unknown");
-    format!("{by}: {}: {outcome}{}{times}", word(body, "tried"), why(body))
+    format!(
+        "{by}: {}: {outcome}{}{times}",
+        word(body, "tried"),
+        why(body)
+    )
 }
 
 fn fail_safe(body: &Value) -> String {

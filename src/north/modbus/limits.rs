@@ -16,8 +16,7 @@ pub struct Limits {
     /// A connection without a request and with nothing pending is closed after this time; `None`: never. Default 10
     /// min: longer than the slowest usual poll, short enough that the sockets of vanished clients are freed.
     pub idle_timeout: Option<Duration>,
-    /// The deadline of each call, from the arrival of its last byte. Default 5 s: clients usually give up after 1 to 5
-    /// s, and an answer that no client awaits should not occupy a line.
+    /// The deadline of each call, from the arrival of its last byte. Default [`Self::ANSWER_WITHIN`].
     pub answer_within: Duration,
     /// The same for a read on its way to a drive, if that is shorter: a serial master has given up sooner, and a read
     /// that no client awaits should not occupy a line.
@@ -27,6 +26,9 @@ pub struct Limits {
 impl Limits {
     /// The default idle time-out.
     pub const IDLE_TIMEOUT: Duration = Duration::from_secs(600);
+    /// The default deadline of a call: clients usually give up after 1 to 5 s, and an answer that no client awaits should not
+    /// occupy a line.
+    pub const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 }
 
 impl Default for Limits {
@@ -35,8 +37,8 @@ impl Default for Limits {
             pending_max: 16,
             body_timeout: Duration::from_secs(5),
             idle_timeout: Some(Self::IDLE_TIMEOUT),
-            answer_within: Duration::from_secs(5),
-            read_within: Duration::from_secs(5),
+            answer_within: Self::ANSWER_WITHIN,
+            read_within: Self::ANSWER_WITHIN,
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::cli::tools::Failure;
 use crate::cli::tools::client::{Client, Way};
-use crate::cli::tools::order::stop;
 use crate::cli::tools::own_gateway::{DriveArgs, Extra, OwnGateway, UNIFORM_UNIT, control};
 use crate::cli::tools::own_models::ModelDirs;
+use crate::cli::tools::stopping::stop;
 use crate::cli::tools::straight_write::{Straight, arm};
 use crate::config::PortAddress;
 use crate::daemon::host::pty::Pty;

@@ -1,0 +1,183 @@
+//! A stop by a tool: it is sent until the drive acknowledges it, and then watched until the drive shows its effect.
+
+use super::Failure;
+use super::client::{Client, NoAnswer, reason};
+use crate::north::modbus::address as map;
+use crate::north::modbus::uniform::{alarm, bit};
+use std::time::Duration;
+use tokio::time::{Instant, sleep};
+
+/// The run command that stops.
+pub const STOP: u16 = 0;
+/// The one that cuts the output off.
+pub const COAST: u16 = 3;
+/// How often it is attempted.
+const TRIES: u32 = 3;
+/// Wait between these attempts.
+const AGAIN: Duration = Duration::from_millis(200);
+/// Uniform word of the status bits.
+const STATUS: u16 = 1;
+/// Uniform word of the alarm bits.
+const ALARMS: u16 = 17;
+/// Wait between two looks at them.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// Longest wait for the effect: longer than any `stop_effect_timeout`, after which the gateway itself says that there is none.
+const EFFECT_WITHIN: Duration = Duration::from_secs(65);
+/// The exception for a drive that did not answer in time.
+const NO_REPLY: u8 = 0x0B;
+/// What is said of a stop that has taken effect.
+pub const CONFIRMED: &str = "confirmed: the drive shows its effect";
+/// What follows from every stop that is not confirmed.
+const MAY_RUN: &str = "the motor may still run: go to the drive";
+
+/// Sends the stop `word`, and waits until the drive acknowledges it.
+///
+/// # Errors
+/// It does not, or the gateway cannot be reached: in words.
+pub async fn acknowledged(client: &mut Client, word: u16) -> Result<(), Failure> {
+    let mut tries = 1;
+    loop {
+        let error = match client.write(map::RUN, word).await {
+            Ok(()) => return Ok(()),
+            Err(error) => error,
+        };
+        if tries == TRIES {
+            let notes = if matches!(error, NoAnswer::Exception(_)) {
+                reason(client).await
+            } else {
+                String::new()
+            };
+            return Err(Failure::failed(format!(
+                "{}{notes}; {MAY_RUN}",
+                unacknowledged(&error)
+            )));
+        }
+        tries += 1;
+        sleep(AGAIN).await;
+    }
+}
+
+fn unacknowledged(error: &NoAnswer) -> String {
+    match error {
+        NoAnswer::Exception(NO_REPLY) => {
+            "THE STOP IS NOT ACKNOWLEDGED: the drive does not answer".to_owned()
+        }
+        other => format!("THE STOP IS NOT ACKNOWLEDGED: {other}"),
+    }
+}
+
+/// Sends the stop `word`, and waits until the drive shows its effect.
+///
+/// # Errors
+/// It is not acknowledged or shows no effect, or the gateway cannot be reached: in words.
+pub async fn confirmed(client: &mut Client, word: u16) -> Result<(), Failure> {
+    acknowledged(client, word).await?;
+    let until = Instant::now() + EFFECT_WITHIN;
+    loop {
+        let why = match shown(client).await {
+            Ok(Shown::Effect) => return Ok(()),
+            Ok(Shown::NoEffect) => "but the drive shows no effect".to_owned(),
+            Ok(Shown::Silence) => "but then the drive does not answer any more".to_owned(),
+            Ok(Shown::Nothing) if Instant::now() < until => {
+                sleep(LOOK_EVERY).await;
+                continue;
+            }
+            Ok(Shown::Nothing) => format!(
+                "but its effect is not seen within {} s",
+                EFFECT_WITHIN.as_secs()
+            ),
+            Err(error) => format!("but its effect cannot be seen: {error}"),
+        };
+        return Err(Failure::failed(format!(
+            "THE STOP IS NOT CONFIRMED: it is acknowledged, {why}; {MAY_RUN}"
+        )));
+    }
+}
+
+/// Stops the drive, and reports it.
+///
+/// # Errors
+/// As of [`confirmed`].
+pub async fn stop(client: &mut Client) -> Result<String, Failure> {
+    confirmed(client, STOP).await?;
+    Ok(format!("the stop is {CONFIRMED}"))
+}
+
+/// What is to be seen of a stop that was acknowledged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Shown {
+    /// Nothing yet.
+    Nothing,
+    /// Its effect, by the rule of the gateway.
+    Effect,
+    /// No effect in time, although the drive answers.
+    NoEffect,
+    /// The drive does not answer any more.
+    Silence,
+}
+
+async fn shown(client: &mut Client) -> Result<Shown, NoAnswer> {
+    let status = word(client, STATUS).await?;
+    Ok(shown_by(status, word(client, ALARMS).await?))
+}
+
+async fn word(client: &mut Client, address: u16) -> Result<u16, NoAnswer> {
+    Ok(client.read(address, 1).await?.first().copied().unwrap_or(0))
+}
+
+const fn shown_by(status: u16, alarms: u16) -> Shown {
+    let is_online = status & bit::ONLINE != 0;
+    let is_late = alarms & alarm::NOT_EFFECTIVE != 0;
+    match (is_late, status & bit::PENDING != 0) {
+        (false, true) => Shown::Nothing,
+        (_, _) if !is_online => Shown::Silence,
+        (true, _) => Shown::NoEffect,
+        (false, false) => Shown::Effect,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_is_confirmed_by_a_drive_that_answers_and_by_nothing_else() {
+        for (status, alarms, expected) in [
+            (bit::ONLINE | bit::PENDING, 0, Shown::Nothing),
+            (bit::PENDING, 0, Shown::Nothing),
+            (bit::ONLINE, 0, Shown::Effect),
+            (
+                bit::ONLINE | bit::RUNNING,
+                alarm::FAIL_SAFE | alarm::STALE,
+                Shown::Effect,
+            ),
+            (
+                bit::ONLINE | bit::PENDING,
+                alarm::NOT_EFFECTIVE,
+                Shown::NoEffect,
+            ),
+            (
+                bit::PENDING,
+                alarm::NOT_EFFECTIVE | alarm::MAY_STILL_RUN,
+                Shown::Silence,
+            ),
+            (0, 0, Shown::Silence),
+        ] {
+            assert_eq!(
+                shown_by(status, alarms),
+                expected,
+                "{status:#x} {alarms:#x}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_silent_drive_is_not_taken_for_a_dead_gateway() {
+        let silent = unacknowledged(&NoAnswer::Exception(NO_REPLY));
+        assert!(silent.ends_with("the drive does not answer"), "{silent}");
+        let dead = unacknowledged(&NoAnswer::Lost(
+            "gateway at 127.0.0.1:1502: no answer".to_owned(),
+        ));
+        assert!(dead.contains("gateway at 127.0.0.1:1502"), "{dead}");
+    }
+}
