@@ -114,7 +114,8 @@ impl Command {
     /// The default log level. A tool prints its results itself.
     const fn log_level(&self) -> &'static str {
         match self {
-            Self::Scan(_) | Self::Init(_) => "error",
+            // What `models new` runs is simulated: only what goes wrong is of interest.
+            Self::Scan(_) | Self::Init(_) | Self::Models(_) => "error",
             Self::Params(_) => "warn",
             Self::Read(args) if args.is_straight() => "warn",
             Self::Write(args) if args.is_straight() => "warn",

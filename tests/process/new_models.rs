@@ -31,12 +31,12 @@ fn text(output: &Output) -> String {
 }
 
 /// The invented drive of `deploy/adding-a-drive.md`.
-const ANSWERS: [&str; 22] = [
+const ANSWERS: [&str; 23] = [
     "Acme",
     "Flux 2",
     "Acme Flux 2 user manual",
-    "19200 8N1",
-    "8",
+    "19200 8N1 9.1",
+    "8 9.3",
     "y",
     "0x2101 9.6",
     "100",
@@ -52,6 +52,7 @@ const ANSWERS: [&str; 22] = [
     "100",
     "P0-02",
     "run commands: 2, communication",
+    "9.4",
     "",
     "y",
 ];
@@ -66,13 +67,24 @@ fn answers_make_a_model_that_runs_a_simulated_drive() {
         "is sound: 5 registers",
         "run forward at 10 Hz, and stopped",
         "acme-flux-2.toml is written",
+        "that is bit 0",
     ] {
         assert!(said.contains(word), "no {word}:\n{said}");
+    }
+    for word in ["only the drive's own watchdog", "shutting down"] {
+        assert!(
+            !said.contains(word),
+            "the drive is simulated: {word}:\n{said}"
+        );
     }
     let written = std::fs::read_to_string(&file).unwrap();
     assert!(
         written.contains("confidence = \"manual\"\nsource = \"UM 9.6\"")
             && written.contains("P0-02"),
+        "{written}"
+    );
+    assert!(
+        written.contains("max_words = { value = 8, confidence = \"manual\", source = \"UM 9.3\" }"),
         "{written}"
     );
     let again = answered(&["acme-flux-2", "--out", out], &[]);
@@ -91,8 +103,8 @@ fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file
     let said = text(&answered(&["acme-flux-2", "--out", out], &answers));
     let before = said.find("flux.toml is written").expect("it is written");
     for row in [
-        "stop                         0x0004   third-party",
-        "forward                      0x0005   third-party",
+        "stop                         0x0004     third-party",
+        "forward                      0x0005     third-party",
     ] {
         assert!(
             said.find(row).is_some_and(|at| at < before),
@@ -112,7 +124,7 @@ fn a_word_without_a_place_of_its_own_is_unproven_and_is_shown_so_before_the_file
         written.contains("value = 0x0003, confidence = \"manual\", source = \"UM 9.5 word 3\""),
         "{written}"
     );
-    answers[21] = "n";
+    answers[22] = "n";
     let other = place.file("other.toml");
     assert_says(
         &answered(&["acme-flux-2", "--out", other.to_str().unwrap()], &answers),

@@ -140,11 +140,14 @@ fn check_file(path: &Path, own: &ModelDirs) -> Result<(), Failure> {
     let Some(model) = id.and_then(|id| catalog.find(&id).cloned()) else {
         return Ok(());
     };
-    let mut text = format!(
-        "{} is sound: {} registers\n",
-        model.id,
-        model.registers.len()
-    );
+    let mut text = match model.registers.len() {
+        0 => format!(
+            "{} is sound, but has no register: nothing of a drive of it can be read\n",
+            model.id
+        ),
+        1 => format!("{} is sound: 1 register\n", model.id),
+        count => format!("{} is sound: {count} registers\n", model.id),
+    };
     let _ = writeln!(text, "can be ordered: {}", orders_text(&orders(&model)));
     let basics = model.unproven_basics();
     if !basics.is_empty() {

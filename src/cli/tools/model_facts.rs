@@ -52,7 +52,8 @@ pub fn orders(model: &Model) -> Result<Vec<OrderWord>, String> {
         .collect())
 }
 
-/// `orders`, separated by commas, those that have to be accepted marked.
+/// `orders`, separated by commas, those that have to be accepted marked. Where the basic ones have to be, nothing else can be
+/// ordered without them.
 pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
     let mark = |(word, confidence): &OrderWord| {
         if confidence.is_proven() {
@@ -62,7 +63,19 @@ pub fn orders_text(orders: &Result<Vec<OrderWord>, String>) -> String {
         }
     };
     match orders {
-        Ok(orders) => orders.iter().map(mark).collect::<Vec<_>>().join(", "),
+        Ok(orders) => {
+            let listed =
+                |orders: &[OrderWord]| orders.iter().map(mark).collect::<Vec<_>>().join(", ");
+            let (basics, others) = orders.split_at(BASICS.len().min(orders.len()));
+            if others.is_empty() || basics.iter().all(|(_, confidence)| confidence.is_proven()) {
+                return listed(orders);
+            }
+            format!(
+                "{}; once these are accepted also {}",
+                listed(basics),
+                listed(others)
+            )
+        }
         Err(why) => format!("only read: {why}"),
     }
 }
@@ -358,6 +371,17 @@ mod tests {
         assert_eq!(
             text,
             "stop, frequency, forward, reverse (unproven), coast (unproven), reset (unproven), release"
+        );
+        let unproven = Ok(vec![
+            ("stop", Confidence::Sibling),
+            ("frequency", Confidence::Sibling),
+            ("forward", Confidence::Sibling),
+            ("reverse", Confidence::Manual),
+        ]);
+        let text = orders_text(&unproven);
+        assert_eq!(
+            text,
+            "stop (unproven), frequency (unproven), forward (unproven); once these are accepted also reverse"
         );
         let mut deaf = everything();
         deaf.run = None;

@@ -117,12 +117,7 @@ impl<R: BufRead> Questions<R> {
     pub fn yes(&mut self, question: &str, default: bool) -> Result<bool, Failure> {
         let choice = if default { "Y/n" } else { "y/N" };
         self.ask_until(&format!("{question} [{choice}]"), |answer| {
-            match answer.to_lowercase().as_str() {
-                "" => Ok(default),
-                "y" | "yes" => Ok(true),
-                "n" | "no" => Ok(false),
-                other => Err(format!("`{other}` is neither y nor n")),
-            }
+            yes_or_no(answer, default)
         })
     }
 }
@@ -144,18 +139,45 @@ pub fn word(text: &str) -> Result<u16, String> {
 
 /// An address, and after a space where the manual states it; `None` for an empty answer.
 pub fn address_and_place(text: &str) -> Result<Option<(u16, Option<String>)>, String> {
-    let Some(first) = text.split_whitespace().next() else {
-        return Ok(None);
-    };
-    let place = text
-        .get(first.len()..)
-        .map(str::trim)
-        .filter(|place| !place.is_empty());
-    Ok(Some((word(first)?, place.map(str::to_owned))))
+    match with_place(text) {
+        ("", _) => Ok(None),
+        (first, place) => Ok(Some((word(first)?, place))),
+    }
+}
+
+/// Yes or no, and after a space where the manual states it; `default` for an empty answer.
+pub fn yes_and_place(text: &str, default: bool) -> Result<(bool, Option<String>), String> {
+    let (first, place) = with_place(text);
+    yes_or_no(first, default).map(|yes| (yes, place))
+}
+
+fn yes_or_no(text: &str, default: bool) -> Result<bool, String> {
+    match text.to_lowercase().as_str() {
+        "" => Ok(default),
+        "y" | "yes" => Ok(true),
+        "n" | "no" => Ok(false),
+        other => Err(format!("`{other}` is neither y nor n")),
+    }
+}
+
+/// The first word of an answer, and the place in the manual that follows it.
+fn with_place(text: &str) -> (&str, Option<String>) {
+    let text = text.trim();
+    let (first, place) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+    let place = place.trim();
+    (first, (!place.is_empty()).then(|| place.to_owned()))
+}
+
+/// Settings of a line, as `9600 8N1`, and after a space where the manual states them; `None` for an empty answer.
+pub fn link_and_place(text: &str) -> Result<Option<(LinkSettings, Option<String>)>, String> {
+    let (baud, format) = with_place(text);
+    let (format, place) = with_place(format.as_deref().unwrap_or_default());
+    let settings = link(format!("{baud} {format}").trim())?;
+    Ok(settings.map(|settings| (settings, place)))
 }
 
 /// Settings of a line, as `9600 8N1`; `None` for an empty answer.
-pub fn link(text: &str) -> Result<Option<LinkSettings>, String> {
+fn link(text: &str) -> Result<Option<LinkSettings>, String> {
     let wrong = || format!("`{text}` is not speed and character format, such as 9600 8N1");
     if text.is_empty() {
         return Ok(None);
@@ -204,6 +226,24 @@ mod tests {
         assert_eq!(link("19200 8e1").unwrap().unwrap().to_string(), "19200 8E1");
         assert_eq!(link(""), Ok(None));
         assert!(link("9600").is_err() && link("9600 7N2").is_err() && link("0 8N1").is_err());
+    }
+
+    #[test]
+    fn every_answer_may_name_its_place() {
+        let (settings, place) = link_and_place("19200  8N1 table 9.1").unwrap().unwrap();
+        assert_eq!(
+            (settings.to_string().as_str(), place.as_deref()),
+            ("19200 8N1", Some("table 9.1"))
+        );
+        assert_eq!(link_and_place("9600 8E1").unwrap().unwrap().1, None);
+        assert_eq!(link_and_place(" "), Ok(None));
+        assert!(link_and_place("9600").is_err() && link_and_place("9600 9.1").is_err());
+        assert_eq!(
+            yes_and_place("n 9.4", true),
+            Ok((false, Some("9.4".to_owned())))
+        );
+        assert_eq!(yes_and_place("", true), Ok((true, None)));
+        assert!(yes_and_place("9.4", true).is_err());
     }
 
     #[test]

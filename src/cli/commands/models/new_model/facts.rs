@@ -43,6 +43,18 @@ impl Evidence {
         }
     }
 
+    /// The same, with the place that states the raw steps of the register.
+    #[must_use]
+    pub fn and_steps(self, place: Option<String>) -> Self {
+        match (self, place) {
+            (Self::Manual(of), Some(place)) if of != place => {
+                Self::Manual(format!("{of}, steps {place}"))
+            }
+            (Self::Person(of), Some(place)) => Self::Person(format!("{of}, steps {place}")),
+            (evidence, _) => evidence,
+        }
+    }
+
     /// The same for an inline table.
     pub fn inline(&self) -> String {
         self.keys().trim_end().replace('\n', ", ")
@@ -152,10 +164,10 @@ pub struct Facts {
     pub documents: Documents,
     /// Settings of the line, and where they come from; `None`: look them up at the panel.
     pub link: Option<(LinkSettings, Evidence)>,
-    /// Most words in one read.
-    pub max_words: u16,
-    /// Functions that the drive has.
-    pub functions: Vec<u8>,
+    /// Most words in one read, and where that comes from.
+    pub max_words: (u16, Evidence),
+    /// Functions that the drive has, and where they come from.
+    pub functions: (Vec<u8>, Evidence),
     /// Where facts come from for which nothing was asked.
     pub evidence: Evidence,
     /// The run command; `None`: the model is only read.
@@ -267,9 +279,9 @@ impl Facts {
     }
 
     fn exchange(&self, text: &mut String) {
-        let of = self.evidence.keys();
-        let functions: Vec<_> = self
-            .functions
+        let (max, of_max) = &self.max_words;
+        let (functions, of_functions) = &self.functions;
+        let functions: Vec<_> = functions
             .iter()
             .map(|function| format!("0x{function:02X}"))
             .collect();
@@ -278,12 +290,13 @@ impl Facts {
             "\n[timing]\ngap_chars = {{ value = 3.5, {inline} }}\n\
              reply_timeout_cap = {{ value = \"500ms\", confidence = \"default\", source = \"no longest time is known\" }}\n\
              max_lateness = {{ value = \"1s\", confidence = \"default\", source = \"no longest time is known\" }}\n\n\
-             [functions]\nvalue = [{functions}]\n{of}\n\
-             [read]\nmax_words = {{ value = {max}, {inline} }}\n\n\
+             [functions]\nvalue = [{functions}]\n{of_functions}\n\
+             [read]\nmax_words = {{ value = {max}, {of_max} }}\n\n\
              [write]\nrefused = {{ value = \"exception\", {inline} }}\n",
             inline = self.evidence.inline(),
             functions = functions.join(", "),
-            max = self.max_words,
+            of_functions = of_functions.keys(),
+            of_max = of_max.inline(),
         );
     }
 

@@ -5,10 +5,12 @@ use super::facts::{
 };
 use super::live::Live;
 use super::skeleton::capitalised;
-use crate::cli::tools::questions::{Questions, address_and_place, link, word};
+use crate::cli::tools::questions::{Questions, address_and_place, link_and_place, yes_and_place};
 use crate::cli::tools::{Failure, print};
 use std::io::BufRead;
 
+/// Most raw steps in one hertz.
+const STEPS_MAX: u16 = 10_000;
 /// Most words that a Modbus read can have.
 const WORDS_MAX: u16 = 125;
 
@@ -41,17 +43,12 @@ impl<R: BufRead> Interview<'_, R> {
         };
         let person = Evidence::Person("not in the manual".to_owned());
         let settings = "Factory setting of the line, such as 9600 8N1 (Enter: not known)";
-        let link = self.questions.ask_until(settings, link)?;
+        let link = self.questions.ask_until(settings, link_and_place)?;
         let mut facts = Facts {
             id: id.to_owned(),
             vendor,
             title,
-            link: link.map(|link| {
-                (
-                    link,
-                    Evidence::Person("factory setting, as the person says".to_owned()),
-                )
-            }),
+            link: link.map(|(link, place)| (link, self.by_place(place, "factory setting"))),
             max_words: self.max_words()?,
             functions: self.functions()?,
             documents,
@@ -64,32 +61,43 @@ impl<R: BufRead> Interview<'_, R> {
         };
         self.readings(&mut facts)?;
         self.orders(&mut facts)?;
+        if facts.registers.is_empty() {
+            return Err(Failure::wrong(
+                "no register was named, so nothing of the drive could be read: nothing was written; look up the address of the \
+                 output frequency or of the status word first",
+            ));
+        }
         Ok(facts)
     }
 
-    fn max_words(&mut self) -> Result<u16, Failure> {
-        self.questions.ask_until(
-            "Most words in one read, as the manual says (Enter: 1)",
-            |answer| match answer {
-                "" => Ok(1),
-                text => word(text)
-                    .ok()
-                    .filter(|words| (1..=WORDS_MAX).contains(words))
-                    .ok_or_else(|| format!("`{text}` is not a number from 1 to {WORDS_MAX}")),
-            },
-        )
+    fn max_words(&mut self) -> Result<(u16, Evidence), Failure> {
+        let (words, place) =
+            self.questions
+                .ask_until("Most words in one read (Enter: 1)", |answer| {
+                    let (words, place) = address_and_place(answer)?.unwrap_or((1, None));
+                    if (1..=WORDS_MAX).contains(&words) {
+                        Ok((words, place))
+                    } else {
+                        Err(format!("`{words}` is not a number from 1 to {WORDS_MAX}"))
+                    }
+                })?;
+        Ok((words, self.by_place(place, "words in one read")))
     }
 
-    fn functions(&mut self) -> Result<Vec<u8>, Failure> {
-        let writes_one = self
+    fn functions(&mut self) -> Result<(Vec<u8>, Evidence), Failure> {
+        let question = "Does it write single registers (function 06) [Y/n]";
+        let (writes_one, place) = self
             .questions
-            .yes("Does it write single registers (function 06)", true)?;
-        Ok(vec![0x03, if writes_one { 0x06 } else { 0x10 }])
+            .ask_until(question, |answer| yes_and_place(answer, true))?;
+        Ok((
+            vec![0x03, if writes_one { 0x06 } else { 0x10 }],
+            self.by_place(place, "functions"),
+        ))
     }
 
     fn readings(&mut self, facts: &mut Facts) -> Result<(), Failure> {
-        if let Some((address, evidence)) = self.register("Output frequency")? {
-            let scale = self.scale(address, "output frequency")?;
+        if let Some((address, evidence)) = self.register("Output frequency", "none")? {
+            let (scale, evidence) = self.scale(address, "output frequency", evidence)?;
             let of = Of {
                 name: "output_frequency",
                 title: "Output frequency",
@@ -99,7 +107,7 @@ impl<R: BufRead> Interview<'_, R> {
                 .registers
                 .push(of.read(address, scale, "Hz", "fast", evidence));
         }
-        if let Some((address, evidence)) = self.register("Status word")? {
+        if let Some((address, evidence)) = self.register("Status word", "none")? {
             let of = Of {
                 name: "status",
                 title: "Status",
@@ -111,7 +119,7 @@ impl<R: BufRead> Interview<'_, R> {
             self.flags(address, facts)?;
         }
         if let Some((address, evidence)) =
-            self.register("Number of the trip that holds, 0 for none")?
+            self.register("Number of the trip that holds, 0 for no trip", "none")?
         {
             let of = Of {
                 name: "trip_code",
@@ -136,7 +144,7 @@ impl<R: BufRead> Interview<'_, R> {
             ("tripped", "a trip holds", None, ""),
         ] {
             let question = format!(
-                "Bits of it that are 1 while {when}, and place, such as `0x0001 9.6` (Enter: none){shown}"
+                "Bits of it that are 1 while {when}, and place, such as `0x0001 9.6` for bit 0 (Enter: none){shown}"
             );
             let given =
                 self.questions
@@ -144,6 +152,9 @@ impl<R: BufRead> Interview<'_, R> {
                         Some((0, _)) => Err("no bit is set in 0".to_owned()),
                         given => Ok(given),
                     })?;
+            if let Some((mask, _)) = &given {
+                print(&format!("  that is {}\n", bits_named(*mask)))?;
+            }
             let found = match (given, seen) {
                 (Some((mask, place)), _) => Some((mask, self.by_place(place, "bits"))),
                 (None, Some(bits)) => {
@@ -197,8 +208,7 @@ impl<R: BufRead> Interview<'_, R> {
                 "Without an output frequency a stop cannot be seen: the model is only read.\n",
             );
         }
-        let Some((address, evidence)) =
-            self.register("Run command (Enter: the model is only read)")?
+        let Some((address, evidence)) = self.register("Run command", "the model is only read")?
         else {
             return Ok(());
         };
@@ -232,7 +242,7 @@ impl<R: BufRead> Interview<'_, R> {
             },
         )?;
         let (address, evidence) = self.placed(setpoint)?;
-        let scale = self.scale(address, "set frequency")?;
+        let (scale, evidence) = self.scale(address, "set frequency", evidence)?;
         let of = Of {
             name: "frequency_command",
             title: "Frequency command",
@@ -291,18 +301,20 @@ impl<R: BufRead> Interview<'_, R> {
             let text = self
                 .questions
                 .text("  what it selects, and its value", "")?;
+            let place = self.questions.ask("  place in the manual (Enter: none)")?;
+            let evidence = self.by_place((!place.is_empty()).then_some(place), "setting");
             facts.setup.push(SetupFacts {
                 code,
                 text,
-                evidence: Evidence::Person("setting, as the person says".to_owned()),
+                evidence,
             });
         }
     }
 
-    /// A register by its address; `None` if the drive has none, or it is not known.
-    fn register(&mut self, what: &str) -> Result<Option<(u16, Evidence)>, Failure> {
+    /// A register by its address; `None` if the drive has none, or it is not known, which means `without`.
+    fn register(&mut self, what: &str, without: &str) -> Result<Option<(u16, Evidence)>, Failure> {
         let question = format!(
-            "{what}: address, and place in the manual, such as `0x2101 table 9-3` (Enter: none)"
+            "{what}: address, and place in the manual, such as `0x2101 table 9-3` (Enter: {without})"
         );
         match self.questions.ask_until(&question, address_and_place)? {
             Some(given) => self.placed(given).map(Some),
@@ -333,23 +345,28 @@ impl<R: BufRead> Interview<'_, R> {
         Ok(read.ok())
     }
 
-    /// Raw steps in one hertz. With a drive, from what its panel shows.
-    fn scale(&mut self, address: u16, what: &str) -> Result<u32, Failure> {
+    /// Raw steps in one hertz, and the evidence of the register with theirs. With a drive, from what its panel shows.
+    fn scale(
+        &mut self,
+        address: u16,
+        what: &str,
+        evidence: Evidence,
+    ) -> Result<(u32, Evidence), Failure> {
         let found = self.compared(address, what)?;
         let shown = found.map(|scale| format!(" [{scale}]")).unwrap_or_default();
         let question =
             format!("  raw steps in one hertz: 10 for steps of 0.1 Hz, 100 for 0.01 Hz{shown}");
-        self.questions
-            .ask_until(&question, |answer| match (answer, found) {
-                ("", Some(scale)) => Ok(scale),
-                (text, _) => {
-                    let scale = text
-                        .parse()
-                        .ok()
-                        .filter(|scale| (1..=10_000).contains(scale));
-                    scale.ok_or_else(|| format!("`{text}` is not a number from 1 to 10000"))
+        let (scale, place) = self.questions.ask_until(&question, |answer| {
+            let wrong = || format!("`{answer}` is not a number from 1 to {STEPS_MAX}");
+            match (address_and_place(answer)?, found) {
+                (Some((scale, place)), _) if (1..=STEPS_MAX).contains(&scale) => {
+                    Ok((u32::from(scale), place))
                 }
-            })
+                (None, Some(scale)) => Ok((scale, None)),
+                _ => Err(wrong()),
+            }
+        })?;
+        Ok((scale, evidence.and_steps(place)))
     }
 
     fn compared(&mut self, address: u16, what: &str) -> Result<Option<u32>, Failure> {
@@ -392,6 +409,19 @@ fn scale_of(raw: u16, shown_hz: f64) -> Option<u32> {
         None
     } else {
         [1, 10, 100, 1000].into_iter().find(fits)
+    }
+}
+
+/// The bits of `mask` by their numbers, from 0 on.
+fn bits_named(mask: u16) -> String {
+    let bits: Vec<_> = (0..16_u16)
+        .filter(|bit| mask & (1 << *bit) != 0)
+        .map(|bit| bit.to_string())
+        .collect();
+    match bits.split_last() {
+        Some((last, [])) => format!("bit {last}"),
+        Some((last, others)) => format!("bits {} and {last}", others.join(", ")),
+        None => "no bit".to_owned(),
     }
 }
 
@@ -443,13 +473,26 @@ impl Of {
 
 /// What is said first.
 const HEAD: &str = "\
-Addresses are those on the wire, counted from 0, in decimal or as 0x2000 or 2000H. After a space, name the place in the manual
-that states it: what has none is `third-party`. Nothing is written to a drive, and no file before you have seen what it says.
+Addresses are those on the wire, counted from 0, in decimal or as 0x2000 or 2000H. After an answer and a space, name the place in
+the manual that states it: what has none is `third-party`. Nothing is written to a drive, and no file before you have seen what it
+says.
 ";
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mask_is_told_as_bits() {
+        for (mask, bits) in [
+            (1, "bit 0"),
+            (3, "bits 0 and 1"),
+            (8, "bit 3"),
+            (0x8011, "bits 0, 4 and 15"),
+        ] {
+            assert_eq!(bits_named(mask), bits);
+        }
+    }
 
     #[test]
     fn a_scale_is_a_power_of_ten_that_fits_what_is_shown() {

@@ -95,10 +95,10 @@ pub fn new(args: &Args, own: &ModelDirs) -> Result<(), Failure> {
     let text = facts.text();
     written(&out, &text)?;
     super::check_file(&out, &ModelDirs::default())?;
-    print(&format!(
-        "On a simulated drive: {}\n",
-        played(&args.id, &out, &text)?
-    ))
+    let seen = played(&args.id, &out, &text);
+    let seen =
+        seen.map_err(|failure| Failure::failed(format!("On a simulated drive: {failure}")))?;
+    print(&format!("On a simulated drive: {seen}\n"))
 }
 
 fn written(out: &Path, text: &str) -> Result<(), Failure> {

@@ -54,6 +54,7 @@ pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
             "no channel of it is a whole 16-bit register with decimal steps".to_owned(),
         ));
     }
+    let evidence = Evidence::Template("not stated there".to_owned());
     Ok(Facts {
         id: id.to_owned(),
         vendor: maker.to_owned(),
@@ -63,9 +64,9 @@ pub fn facts(id: &str, file: &Path, text: &str) -> Result<Facts, Failure> {
             ..Documents::default()
         },
         link: None,
-        max_words: 1,
-        functions: registers.functions(),
-        evidence: Evidence::Template("not stated there".to_owned()),
+        max_words: (1, evidence.clone()),
+        functions: (registers.functions(), evidence.clone()),
+        evidence,
         run: None,
         flags: Vec::new(),
         setup: Vec::new(),

@@ -5,7 +5,7 @@ use crate::cli::tools::client::{Client, Way};
 use crate::cli::tools::own_gateway::{DriveArgs, Extra, OwnGateway, UNIFORM_UNIT, control};
 use crate::cli::tools::own_models::ModelDirs;
 use crate::cli::tools::stopping::stop;
-use crate::cli::tools::straight_write::{Straight, arm};
+use crate::cli::tools::straight_write::{Straight, arm_simulated};
 use crate::config::PortAddress;
 use crate::daemon::host::pty::Pty;
 use crate::daemon::lines::simulator;
@@ -92,7 +92,7 @@ async fn tried(port: &PortAddress, args: &DriveArgs, model: &Model) -> Result<St
 }
 
 async fn run_and_stop(client: &mut Client) -> Result<String, Failure> {
-    arm(client, &Straight::with_frequency(FREQUENCY_HZ)).await?;
+    arm_simulated(client, &Straight::with_frequency(FREQUENCY_HZ)).await?;
     client
         .write(map::RUN, 1)
         .await
