@@ -23,7 +23,7 @@ pub(super) mod scanning;
 pub(super) mod setup;
 pub(super) mod socket;
 pub(super) mod stopping;
-mod straight_write;
+pub(super) mod straight_write;
 pub(super) mod target;
 pub(super) mod told_to_stop;
 pub(super) mod unseen;
