@@ -205,7 +205,8 @@ fn tells_old_from_new(control: &ControlFile, mqtt: Option<&MqttFile>, problems: 
     }
 }
 
-/// The same for an order from the page, which does not refer to a stop that it has seen.
+/// A RUN from the page that was delayed must not be mistaken for one sent after a stop: a page order does not refer to
+/// a stop that it has seen.
 fn tells_old_from_new_on_the_page(control: &ControlFile, problems: &mut Vec<Problem>) {
     let least = moments::AGE_MAX + AFTER_UNNOTICED;
     let (Some(delay), Some(_)) = (control.restart_delay.valid(), control.names(Way::Page)) else {

@@ -20,7 +20,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// The whole file.
+/// A configuration file.
 #[derive(Debug)]
 pub(super) struct File {
     pub gateway: GatewayFile,

@@ -87,7 +87,7 @@ impl Who {
         }
     }
 
-    /// The same as the owner of what is ordered.
+    /// The owner of what this person or program orders.
     #[must_use]
     pub const fn owner(&self) -> Owner {
         self.origin.owner
@@ -147,13 +147,13 @@ impl LocalSide {
         }
     }
 
-    /// The same side, which accepts only stops right after a stall.
+    /// This side with `stalls`: right after a stall it accepts only stops.
     #[must_use]
     pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
         Self { stalls, ..self }
     }
 
-    /// The same side with a journal for attempts that reach no line.
+    /// This side with a journal for attempts that reach no line.
     #[must_use]
     pub fn keeping(self, journal: Journal) -> Self {
         Self {
@@ -297,7 +297,7 @@ impl LocalSide {
         self.order_marked(who, place, order, Marks::default())
     }
 
-    /// The same for an order with `marks`.
+    /// Sends an order with `marks` to the drive at `place` at once. Dropping the result does not cancel the order.
     pub fn order_marked(
         &self,
         who: Who,

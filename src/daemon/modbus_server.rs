@@ -112,13 +112,13 @@ impl Server {
         }
     }
 
-    /// The same server, which accepts only stops of what was sent before the end of a stall.
+    /// This server with `stalls`: of what was sent before the end of a stall it accepts only stops.
     #[must_use]
     pub fn with_stalls(self, stalls: Arc<Stalls>) -> Self {
         Self { stalls, ..self }
     }
 
-    /// The same server with at most `most` connections.
+    /// This server with at most `most` connections.
     #[must_use]
     pub fn with_slots(self, most: usize) -> Self {
         self.admission.slots.replace(Slots::new(most));

@@ -76,7 +76,7 @@ impl Address {
         self.number
     }
 
-    /// The same table at another number.
+    /// The address with `number` in this table.
     #[must_use]
     pub const fn at(self, number: u16) -> Self {
         Self { number, ..self }

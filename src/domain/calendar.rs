@@ -100,7 +100,7 @@ const fn civil(days: i64) -> (i64, i64, i64) {
     (year, month, day)
 }
 
-/// The inverse of [`civil`] for dates that exist.
+/// The days from 1970-01-01 to a date that exists: the inverse of [`civil`].
 const fn days_to(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let era = year.div_euclid(400);

@@ -103,7 +103,7 @@ impl Go {
         })
     }
 
-    /// The same with a setpoint for this direction, for a drive that turns by the sign of its setpoint.
+    /// The order with a setpoint for direction `toward`, for a drive that turns by the sign of its setpoint.
     #[must_use]
     pub fn with_sign(self, toward: Option<Direction>) -> Self {
         Self { toward, ..self }

@@ -112,7 +112,8 @@ impl Hertz {
         u16::try_from(self.to_steps(scale)?).ok()
     }
 
-    /// The same for a register of two words.
+    /// The raw number for a register of two words with `scale` steps per hertz. `None` if the frequency lies between
+    /// two steps or does not fit.
     #[must_use]
     pub fn to_steps(self, scale: u32) -> Option<u32> {
         let steps = u64::from(self.milli) * u64::from(scale);

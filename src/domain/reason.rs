@@ -153,9 +153,9 @@ reasons! {
     FullScaleUnknown = 58, "full_scale_unknown", "the full scale of the setpoint is not known yet: it is being read from the drive";
     /// The drive answered with the exception by which it says that it is busy.
     DriveBusy = 59, "drive_busy", "the drive answered that it is busy: order it again";
-    /// The same, that it is locked.
+    /// The drive answered with the exception by which it says that it is locked.
     DriveLocked = 60, "drive_locked", "the drive answered that it is locked against this";
-    /// The same, that a trip holds.
+    /// The drive answered with the exception by which it says that a trip holds.
     DriveInTrip = 61, "drive_in_trip", "the drive answered that it does not do this during a trip";
     /// The drive did not show in time that it has followed a word of the start.
     NotReady = 62, "not_ready", "the drive did not get ready to start: the start was taken back";

@@ -37,7 +37,8 @@ pub fn order(model: &Model, address: Address, values: &[u16]) -> Result<Order, R
     order_on(model, &Bases::default(), address, values)
 }
 
-/// The same for a drive whose frequencies are fractions of `bases`. A stop beside a setpoint of unknown meaning is a stop.
+/// The order in a write of `values` from `address` on, for a drive whose frequencies are fractions of `bases`. A stop
+/// beside a setpoint of unknown meaning is a stop.
 ///
 /// # Errors
 /// As for [`order`]; also [`Reason::FullScaleUnknown`].

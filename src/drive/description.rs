@@ -57,7 +57,7 @@ impl Points {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Freshness {
     own: Duration,
-    /// The same of the registers on which it depends.
+    /// Address and stale time of each register on which the value depends.
     bases: Vec<(Address, Duration)>,
 }
 
@@ -68,7 +68,7 @@ impl Freshness {
         self.ends_at_of(snapshot.read_at(register)?, snapshot)
     }
 
-    /// The same for a value that was read at `read_at`.
+    /// When the value of a register that was read at `read_at` grows stale; `None` if there is none.
     #[must_use]
     pub fn ends_at_of(&self, read_at: MonoTime, snapshot: &DriveSnapshot) -> Option<MonoTime> {
         if snapshot.is_implausible {

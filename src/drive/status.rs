@@ -87,7 +87,7 @@ impl StatusWatch {
         self.undocumented
     }
 
-    /// The same, once for each word.
+    /// The word that a status register holds and no document names, returned once for each word.
     pub fn take_undocumented(&mut self) -> Option<UndocumentedState> {
         let state = self
             .undocumented

@@ -76,8 +76,8 @@ pub struct StatusView {
 }
 
 impl StatusView {
-    /// The same, where only the functions of `bus` are meant to come over the bus: where the others come from is no
-    /// concern.
+    /// The flags, where only the functions of `bus` are meant to come over the bus: where other functions come from is
+    /// no concern, so `None`.
     #[must_use]
     pub const fn of(self, bus: BusFunctions) -> Self {
         Self {

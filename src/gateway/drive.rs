@@ -203,7 +203,8 @@ impl DriveOnLine {
         wait + setup.reply_time(request, line).1
     }
 
-    /// The same before anything is learned: the base for declared lateness.
+    /// Maximum wait for the start of the drive's reply to `request` before reply times are learned: the base for
+    /// declared lateness.
     pub(super) fn full_wait(&self, request: &Request, line: &Timing) -> Duration {
         let wait = self
             .setup

@@ -21,7 +21,8 @@ use std::time::Duration;
 /// Minimum time of uninterrupted traffic, while something waits, before the line counts as jammed: at any usual speed a
 /// single frame of a drive is over by then.
 const JAM_AFTER: Duration = Duration::from_millis(500);
-/// The same in maximum-length frames, for slow lines: another master's request and its reply.
+/// Minimum time of uninterrupted traffic before the line counts as jammed, in maximum-length frames, for slow lines:
+/// another master's request and its reply.
 const JAM_FRAMES: u32 = 2;
 /// Complete silence after which the line counts as mute: by then each drive has been probed several times.
 const MUTE_AFTER: Duration = Duration::from_secs(10);

@@ -130,7 +130,8 @@ impl DriveSetup {
         self.time_of(request.reply_pdu_bytes(), timing)
     }
 
-    /// The same for a frame with a PDU of `pdu_bytes`.
+    /// Time on the wire of a frame from the drive with a PDU of `pdu_bytes`, and the part of it that is due to
+    /// characters longer than ours.
     pub(super) fn time_of(&self, pdu_bytes: usize, timing: &Timing) -> (Duration, Duration) {
         let bytes = timing.adu_bytes(pdu_bytes);
         let char_bits = self.model.timing.reply_char_bits.as_ref();

@@ -12,7 +12,8 @@ use std::time::Duration;
 pub(super) enum Orphan {
     /// The drive has not been seen yet. If the lease was already orphaned, its owner's time is over.
     Unseen { was_orphaned: bool },
-    /// The same while this gateway listens to the line: the drive is another one's to command.
+    /// The drive has not been seen yet, and this gateway listens to the line: another one commands the drive. If the
+    /// lease was already orphaned, its owner's time is over.
     Listening { was_orphaned: bool },
     /// The owner sent a heartbeat before the drive was seen.
     TakenUp,
@@ -54,8 +55,8 @@ impl DriveGuard {
         }
     }
 
-    /// The same on a line where another gateway may be active: it says so within `signals_within`, and the lease ends then.
-    /// Where none is, it lasts until the owner was awaited for its time.
+    /// Restores control held when the gateway exited, on a line where another gateway may be active: it says so within
+    /// `signals_within`, and the lease ends then. Where none is, it lasts until the owner was awaited for its time.
     pub fn remember_lease_listening(
         &mut self,
         lease: RememberedLease,

@@ -61,7 +61,7 @@ pub enum Verdict {
     JoinsStop,
     /// It is sent before everything else.
     Stop(StopOrder),
-    /// The same, for a stop that is already in force: the drive refused it, and may accept it now.
+    /// A stop that is already in force is sent again: the drive refused it, and may accept it now.
     StopAgain(StopOrder),
     /// It is sent in its turn.
     Go(Approved),

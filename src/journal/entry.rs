@@ -102,7 +102,7 @@ pub enum Entry {
 }
 
 impl Entry {
-    /// The same with wall clock times, which outlive the process, in what is remembered.
+    /// The entry with wall clock times, which outlive the process, in what is remembered.
     #[must_use]
     pub fn dated(self, label: impl Fn(MonoTime) -> WallTime) -> Self {
         let date = |seen: LastSeen| match seen.at {

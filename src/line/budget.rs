@@ -43,7 +43,7 @@ pub struct PlannedRead {
     pub period: Duration,
     /// Time that one read takes, silence included.
     pub cost: Duration,
-    /// The same with the longest reply delay that can be set on the drive.
+    /// Time that one read takes, silence included, with the longest reply delay that can be set on the drive.
     pub cost_if_delayed: Duration,
 }
 
@@ -52,7 +52,7 @@ pub struct PlannedRead {
 pub struct Budget {
     /// Share of the line's time that the plan takes; above 1.0 every period stretches.
     pub use_of_line: f64,
-    /// The same if every drive were set to the longest reply delay.
+    /// Share of the line's time that the plan takes if every drive were set to the longest reply delay.
     pub use_if_delayed: f64,
     /// By how much every period is stretched: 1.0 while the plan fits.
     pub stretch: f64,

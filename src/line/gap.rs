@@ -123,7 +123,8 @@ impl Gap {
         behind.map_or(any, |behind| behind.min(any))
     }
 
-    /// The same for a read.
+    /// When a read that is due at `due` may be sent, as known at `now`, if nothing more is received. The last byte was
+    /// received at `last_byte_at`.
     #[must_use]
     pub fn look_at(&self, due: MonoTime, last_byte_at: MonoTime, now: MonoTime) -> MonoTime {
         let due = self.looked_at.map_or(due, |at| due.max(at + LOOK_EVERY));

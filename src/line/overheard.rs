@@ -11,9 +11,9 @@ pub enum Overheard {
     /// Another master asks or orders; the answer is awaited. `unanswered`: the station that did not answer the request
     /// before.
     Request {
-        /// The request, and the station it is for.
+        /// The station that the request is for.
         station: Station,
-        /// The same.
+        /// What is asked or ordered.
         request: Request,
         /// The station of the request before, if that remained without an answer.
         unanswered: Option<Station>,

@@ -10,7 +10,7 @@ use std::time::Duration;
 const FIRST_AFTER: Duration = Duration::from_secs(2);
 /// How often a question is asked.
 const ASK_EVERY: Duration = Duration::from_secs(60);
-/// The same while the last one was not answered, or there was none yet.
+/// How often a question is asked while the last one was not answered, or before the first one.
 const ASK_AGAIN_AFTER: Duration = Duration::from_millis(500);
 /// How long the line is left silent for an answer, except for stops.
 const ANSWER_WITHIN: Duration = Duration::from_millis(300);

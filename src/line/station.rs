@@ -98,7 +98,7 @@ impl StationState {
         }
     }
 
-    /// The same station where replies may carry the number of their request. If they do, no late reply makes it dirty.
+    /// This station where replies may carry the number of their request. If they do, no late reply makes it dirty.
     #[must_use]
     pub fn identified(self, is_identified: bool) -> Self {
         Self {

@@ -61,7 +61,7 @@ pub struct ReplyTimeouts {
 }
 
 impl ReplyTimeouts {
-    /// The same configured wait for all classes.
+    /// One configured wait for all classes.
     #[must_use]
     pub const fn fixed(timeout: Duration) -> Self {
         Self {

@@ -62,7 +62,7 @@ impl Timing {
         }
     }
 
-    /// The same line without character times and with a silence of its own, for a pseudo-terminal or a network port.
+    /// This line without character times and with `silence` as its silence, for a pseudo-terminal or a network port.
     #[must_use]
     pub const fn unpaced(self, silence: Duration) -> Self {
         Self {

@@ -67,7 +67,7 @@ pub fn message(model: &Model, report: &Report) -> String {
     }
 }
 
-/// The same as [`message`], for clients that show another language.
+/// Why a command or a read ended so, as a sentence for clients that show another language.
 #[must_use]
 pub fn said(model: &Model, report: &Report) -> Sentence {
     let said = said_alone(report);

@@ -17,7 +17,7 @@ impl Scaled {
         Self { raw, scale }
     }
 
-    /// The same number with as many decimals, at most nine.
+    /// The number in `decimal` with as many decimals, at most nine.
     #[must_use]
     pub(super) fn of_decimal(decimal: Decimal) -> Self {
         Self {
@@ -192,7 +192,8 @@ pub fn to_raw(value: f64, register: &Register) -> Result<u16, NoWord> {
     steps(value, register.scale, register.signed).map(|raw| (raw & 0xFFFF) as u16)
 }
 
-/// The same for a register of two words: the number that they hold.
+/// The number that the two words of `register` hold for `value`, in its unit. Nothing is rounded or clamped, as in
+/// [`to_raw`].
 ///
 /// # Errors
 /// The words cannot hold the value.

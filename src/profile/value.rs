@@ -143,7 +143,7 @@ pub fn code_under(word: u16, mask: u16) -> u16 {
         .unwrap_or(0)
 }
 
-/// The same as a number: in two's complement if `signed`.
+/// The bits of `word` under `mask` as a number, shifted down: in two's complement if `signed`.
 #[must_use]
 pub fn field(word: u16, mask: u16, signed: bool) -> i64 {
     let bits = mask.count_ones();

@@ -174,8 +174,8 @@ impl SimBus {
         }
     }
 
-    /// The same, but any other transmission cuts it off: a burst mixed with a frame would have a valid check once in
-    /// 65,536 times, whatever a master does.
+    /// Puts unsolicited `bytes` from no drive on the wire from `at` on, which any other transmission cuts off: a burst
+    /// mixed with a frame would have a valid check once in 65,536 times, whatever a master does.
     fn burst(&mut self, at: MonoTime, bytes: &[u8]) {
         if let Some(frame) = self.transmissions.frame_of(bytes) {
             self.report.bursts += 1;

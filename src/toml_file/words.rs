@@ -13,7 +13,7 @@ pub const PARITIES: [(&str, Parity); 3] = [
 /// Framings.
 pub const FRAMINGS: [(&str, Framing); 2] = [("rtu", Framing::Rtu), ("ascii", Framing::Ascii)];
 
-/// The same with the framing that follows from a port, which no file names.
+/// Framings, with the one that follows from a port, which no file names.
 pub const SHOWN_FRAMINGS: [(&str, Framing); 3] =
     [FRAMINGS[0], FRAMINGS[1], ("modbus-tcp", Framing::Mbap)];
 

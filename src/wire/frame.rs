@@ -16,6 +16,6 @@ pub struct Expected {
 pub struct FoundFrame {
     /// Bytes before it that belong to no frame.
     pub noise: Vec<u8>,
-    /// The whole frame as received.
+    /// The frame as received, complete.
     pub adu: Vec<u8>,
 }

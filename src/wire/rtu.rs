@@ -64,7 +64,7 @@ pub fn reply_adu_bytes(head: &[u8]) -> ReplyLength {
 pub enum ReplyLength {
     /// More bytes are needed.
     NotYetKnown,
-    /// The whole frame, station and CRC included, has this many bytes.
+    /// The frame, station and CRC included, has this many bytes.
     Known(usize),
     /// The function code has no known reply format: only silence ends the frame.
     OnlySilenceTells,
@@ -135,7 +135,8 @@ pub fn find_any(bytes: &[u8]) -> Option<Range<usize>> {
     })
 }
 
-/// The same for a frame that can only be the request of a read, of no more than a drive gives in one frame.
+/// The range of the next sound frame in `bytes` that can only be the request of a read, of no more than a drive gives
+/// in one frame.
 #[must_use]
 pub fn find_read_request(bytes: &[u8]) -> Option<Range<usize>> {
     find_by(bytes, |head| match *head {

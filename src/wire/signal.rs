@@ -24,7 +24,7 @@ const HAND_OVER_WORDS: u16 = 70;
 const QUESTION_WORDS: u16 = 63;
 /// The number of words that says: I listen.
 const LISTENING_WORDS: u16 = 76;
-/// The same, and: my drives are not yours.
+/// The number of words that says: I listen, and my drives are not yours.
 const DIFFERS_WORDS: u16 = 79;
 /// The number of words of a digest of the sender's drives, which stands in the address.
 const DIGEST_WORDS: u16 = 91;
@@ -40,9 +40,9 @@ pub enum SignalKind {
     HandOver,
     /// It is active, and asks whether another one listens.
     Question,
-    /// It listens: the answer to that.
+    /// It listens: the answer to a question.
     Listening,
-    /// The same, and its drives differ from those of the one that asks.
+    /// It listens, and its drives differ from those of the gateway that asks.
     Differs,
 }
 

@@ -67,7 +67,7 @@ impl LinkArgs {
         }
     }
 
-    /// The same as written in a configuration.
+    /// The direction control, as written in a configuration.
     #[must_use]
     pub const fn direction_word(&self) -> &'static str {
         match self.rs485 {

@@ -132,7 +132,7 @@ pub fn items(setup: &Value) -> impl Iterator<Item = &Value> {
     setup["items"].as_array().into_iter().flatten()
 }
 
-/// The whole report, for people.
+/// The setup report of a drive, for people.
 pub fn report(setup: &Value) -> String {
     let drive = text(setup, "drive");
     let model = text(setup, "model");

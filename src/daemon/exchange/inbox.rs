@@ -22,7 +22,7 @@ pub const GONE_MAX: usize = STOPS_MAX / 2;
 pub enum Message {
     /// A native request of a client.
     Native(NativeRequest),
-    /// The same, for a write that the drive's model knows as a stop.
+    /// A native request of a client to write what the drive's model knows as a stop.
     NativeStop(NativeRequest),
     /// A command.
     Command(CommandRequest),

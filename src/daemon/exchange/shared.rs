@@ -205,13 +205,13 @@ impl SharedLine {
         }
     }
 
-    /// The same line with another gateway on it, if there is one.
+    /// This line with another gateway on it, if there is one.
     #[must_use]
     pub fn shared_with(self, standby: Option<StandbyShare>) -> Self {
         Self { standby, ..self }
     }
 
-    /// The same line, wired so.
+    /// This line with this wiring.
     #[must_use]
     pub fn wired(self, wiring: Wiring) -> Self {
         Self { wiring, ..self }
@@ -266,7 +266,7 @@ impl Current {
         self.0.load()
     }
 
-    /// The same as an `Arc`, to be kept.
+    /// What is shared at present, as an `Arc` to be kept.
     #[must_use]
     pub fn get(&self) -> Arc<Shared> {
         self.0.load_full()

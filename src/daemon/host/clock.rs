@@ -26,7 +26,7 @@ pub fn wall() -> WallTime {
     }
 }
 
-/// The same in microseconds since 1970-01-01 UTC.
+/// The time on the wall clock, in microseconds since 1970-01-01 UTC.
 #[must_use]
 pub fn wall_micros() -> i64 {
     let since_1970 = SystemTime::now()

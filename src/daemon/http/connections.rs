@@ -79,7 +79,7 @@ pub(super) async fn converse(
     .await;
 }
 
-/// The same with routes that know more about the connection.
+/// Serves `service`, whose routes know more about the connection, on one connection until it closes.
 pub(super) async fn converse_by(
     stream: impl AsyncRead + AsyncWrite + Unpin + 'static,
     service: impl Service<Request<Incoming>, Response = Response, Error = Infallible>,

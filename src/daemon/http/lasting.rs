@@ -27,7 +27,7 @@ pub struct Lasting {
     used: watch::Sender<Use>,
 }
 
-/// The same, as its listener sees it.
+/// One connection, as its listener sees it.
 #[derive(Clone, Debug)]
 pub(super) struct Life(watch::Receiver<Use>);
 

@@ -367,8 +367,8 @@ fn histogram(
     encoder.encode_histogram::<NoLabelSet>(counts.sum().as_secs_f64(), count, &buckets, None)
 }
 
-/// The same metrics as the older text format of Prometheus has them: a counter is described by the name of its samples,
-/// and there are neither units nor an end mark.
+/// The metrics in `text` in the older text format of Prometheus: a counter is described by the name of its samples, and
+/// there are neither units nor an end mark.
 pub(super) fn older(text: &str) -> String {
     let counters: HashSet<_> = text
         .lines()

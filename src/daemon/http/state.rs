@@ -34,7 +34,7 @@ pub struct State {
     pub socket: Option<Arc<Reachable>>,
     /// When the gateway started.
     pub started: MonoTime,
-    /// The same moment on the wall clock.
+    /// When the gateway started, on the wall clock.
     pub started_at: WallTime,
 }
 

@@ -51,7 +51,8 @@ pub fn shared(config: &Config) -> Shared {
     Shared::of(lines.collect(), Arc::default())
 }
 
-/// The same of one line, with a `number` that no other line of the process has.
+/// What one line and the north sides share, before the line is served, with a `number` that no other line of the
+/// process has.
 #[must_use]
 pub fn shared_line(number: u16, line: &LineSettings) -> SharedLine {
     let stretch = line_plan::budget(line).stretch;

@@ -18,7 +18,7 @@ use tokio::time::{Instant, timeout_at};
 
 /// Most time for a line's thread to exit: as long as its last stops may take, and a write that the port blocks.
 const ENDS_WITHIN: Duration = Duration::from_secs(7);
-/// The same if one was waited for already.
+/// Most time for a line's thread to exit after one was waited for already.
 const ENDS_SOON: Duration = Duration::from_secs(1);
 /// Most time for a line's thread to report whether its drives are in use. It reads its inbox between two exchanges.
 const SAYS_WITHIN: Duration = Duration::from_secs(3);

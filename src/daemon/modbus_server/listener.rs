@@ -46,7 +46,7 @@ impl Listener {
         Self::called(name, settings, router, security)
     }
 
-    /// The same for the serial master `name`.
+    /// A listener for the serial master `name`.
     #[must_use]
     pub fn of_master(name: CommanderName, settings: ListenerSettings, router: Router) -> Rc<Self> {
         Self::called(name.to_string(), settings, router, None)

@@ -14,7 +14,8 @@ const CONTESTED_MAX: Duration = Duration::from_secs(30);
 const SUSPECTED_MAX: Duration = Duration::from_secs(2);
 /// A connection that lived this long was a good one: the next wait is the first again.
 const GOOD_LIFE: Duration = Duration::from_secs(5);
-/// The same if another client uses the identifier: longer than the intervals at which the two take turns.
+/// How long a connection must live to count as good if another client uses the identifier: longer than the intervals at
+/// which the two take turns.
 pub const SETTLED_LIFE: Duration = Duration::from_secs(60);
 
 /// How a connection ended, as far as the next wait depends on it.

@@ -33,7 +33,7 @@ impl BrokerChild {
     /// Like [`start`](Self::start), with the program named.
     ///
     /// # Errors
-    /// The same.
+    /// The child does not start, or does not listen within 10 s. It has printed the reason on stderr.
     pub fn start_program(program: &Path, listen: SocketAddr) -> io::Result<Self> {
         let mut command = Command::new(program);
         command.args(["broker", "--listen", &listen.to_string()]);

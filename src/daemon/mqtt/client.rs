@@ -39,7 +39,7 @@ const LOOK_WHILE_FULL: Duration = Duration::from_millis(10);
 /// After a stall nothing is sent for this long, and longer while there is something to read. If the broker has closed
 /// the connection meanwhile, writing would reset it and lose what is still in the socket.
 const LISTEN_FIRST: Duration = Duration::from_millis(100);
-/// The same while there is always something to read.
+/// Longest time without sending after a stall, while there is always something to read.
 const LISTEN_MAX: Duration = Duration::from_secs(1);
 
 /// Talks to the broker until `stop`; then sends the farewell and returns. `bell` is to be rung when anything that the

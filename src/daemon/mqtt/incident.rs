@@ -135,7 +135,7 @@ impl Broken {
         }
     }
 
-    /// The same before anything was sent.
+    /// Given up by this side before anything was sent.
     pub fn unsent(reason: impl Into<String>) -> Self {
         Self {
             is_unsent: true,

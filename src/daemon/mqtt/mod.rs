@@ -95,7 +95,7 @@ pub enum Packet {
     Publish(Publication),
     /// Drop the connection and make a new one, for this reason.
     Reconnect(&'static str),
-    /// The same after the last messages: an orderly end, after which the broker publishes no will unless
-    /// [`Protocol::leaves_will`].
+    /// Drop the connection after the last messages and make a new one, for this reason: an orderly end, after which the
+    /// broker publishes no will unless [`Protocol::leaves_will`].
     Leave(&'static str),
 }

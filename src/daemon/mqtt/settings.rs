@@ -52,7 +52,7 @@ impl ConnectionSettings {
         self.keep_alive.clamp(KEEP_ALIVE_MIN, KEEP_ALIVE_MAX)
     }
 
-    /// The same broker at its next address.
+    /// These settings with the broker's next address.
     #[must_use]
     pub fn at_next_place(mut self) -> Self {
         if !self.also_at.is_empty() {

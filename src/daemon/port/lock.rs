@@ -44,7 +44,8 @@ pub(super) fn lock(device: &Path, line: &str, dirs: &[PathBuf]) -> Result<Option
     lock_waiting(device, line, dirs, &mut || std::thread::sleep(TO_BE_NAMED))
 }
 
-/// The same; calls `wait` while a new holder of the lock has not written its name yet.
+/// Locks `device` for `line` in the first directory of `dirs` that can be written, and calls `wait` while a new holder
+/// of the lock has not written its name yet. `None` if no directory can be written.
 fn lock_waiting(
     device: &Path,
     line: &str,

@@ -145,7 +145,7 @@ impl Plan {
         self.asks_before(self.settings.len())
     }
 
-    /// The same for the settings before the one with this index.
+    /// The largest number of reads that look for drives with the settings before the one with index `setting`.
     #[must_use]
     pub fn asks_before(&self, setting: usize) -> usize {
         self.settings
@@ -217,7 +217,7 @@ impl Setting {
         }
     }
 
-    /// The same with the times of one of its probes.
+    /// This setting with the times of one of its probes.
     #[must_use]
     pub fn with(&self, probe: &Probe) -> Self {
         Self {

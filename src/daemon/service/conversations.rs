@@ -30,7 +30,7 @@ const TICKETS: u64 = 1 << 40;
 /// Connection and session settings.
 pub type Mqtt = (ConnectionSettings, Settings);
 
-/// The same for Sparkplug, with the directory of the session number.
+/// Connection and session settings for Sparkplug, with the directory of the session number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sparkplug {
     /// How the broker is reached.

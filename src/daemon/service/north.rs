@@ -122,7 +122,7 @@ pub fn unbound(config: &Config) -> Bound {
     }
 }
 
-/// The same warning as that of `check`.
+/// Logs the warning that `check` gives about listeners behind a bridge.
 fn warn_of_bridges(config: &Config) {
     for listener in &config.listeners {
         for network in listener.bridges() {
@@ -150,7 +150,7 @@ async fn security(config: &Config) -> Result<Vec<Option<Security>>, StartError> 
         .unwrap_or_else(|error| Err(StartError::System(io::Error::other(error))))
 }
 
-/// The same for users and certificate of the HTTP listener.
+/// Users and certificate of the HTTP listener, read outside the runtime: their storage may be slow.
 async fn front(config: &Config) -> Result<Front, StartError> {
     let Some(http) = config.http.clone() else {
         return Ok(Front::default());

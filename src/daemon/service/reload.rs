@@ -47,7 +47,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// The same for those who change the file.
+    /// File and judge, for what changes the file.
     #[must_use]
     pub fn site(&self) -> Site {
         Site {

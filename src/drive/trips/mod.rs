@@ -53,7 +53,7 @@ pub struct TripWatch {
     held: Option<bool>,
     /// The vendor's number, or the bits, of the last trip reported or shown.
     code: Option<u32>,
-    /// The same of the record that is shown.
+    /// The vendor's number, or the bits, of the trip whose record is shown.
     shown: Option<u32>,
     /// Bits of `shown` that the last reading showed cleared.
     fading: u32,
@@ -103,7 +103,7 @@ impl TripWatch {
         }
     }
 
-    /// The same, with `baseline` as what has been reported so far.
+    /// The watch with `baseline` as what has been reported so far.
     #[must_use]
     pub fn remembering(self, baseline: TripBaseline) -> Self {
         let TripBaseline { count, held, code } = baseline;

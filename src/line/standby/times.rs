@@ -10,13 +10,15 @@ pub const SIGNAL_AFTER: Duration = Duration::from_millis(500);
 pub const RANK_STEP: Duration = Duration::from_millis(500);
 /// How much sooner each rank sends again than the one before it.
 const SIGNAL_STEP: Duration = Duration::from_millis(35);
-/// The same where the line is handed over: its first frame must be heard before the next rank has its turn.
+/// How much later each rank accepts a line that is handed over than the one before it: the first frame of that one must
+/// be heard before the next rank has its turn.
 const ACCEPT_STEP: Duration = Duration::from_millis(200);
 /// How much later each rank answers a question.
 const ANSWER_STEP: Duration = Duration::from_millis(30);
 /// Longest random wait before a line that two gateways gave up is taken again.
 pub(super) const TIE_BREAK: Duration = Duration::from_millis(500);
-/// The same after a jam, during which nobody sent: shorter than the step between two ranks.
+/// Longest random wait before the line is taken again after a jam, during which no gateway sent: shorter than the step
+/// between two ranks.
 pub(super) const JAM_BREAK: Duration = Duration::from_millis(250);
 /// How long a gateway sends without a sound reply before it falls silent: its receiver may be dead.
 pub(super) const DEAF_AFTER: Duration = Duration::from_secs(3);
@@ -85,7 +87,7 @@ impl StandbyTimes {
         }
     }
 
-    /// The same with a longer silence, if `take_over_after` is longer, and at `rank`.
+    /// These times with a longer silence, if `take_over_after` is longer, and at `rank`.
     #[must_use]
     pub fn with(self, take_over_after: Option<Duration>, rank: u8) -> Self {
         let silence = take_over_after

@@ -18,8 +18,9 @@ pub struct Limits {
     pub idle_timeout: Option<Duration>,
     /// The deadline of each call, from the arrival of its last byte. Default [`Self::ANSWER_WITHIN`].
     pub answer_within: Duration,
-    /// The same for a read on its way to a drive, if that is shorter: a serial master has given up sooner, and a read
-    /// that no client awaits should not occupy a line.
+    /// The deadline of a read on its way to a drive, from the arrival of its last byte, if that is shorter than
+    /// `answer_within`. Default 5 s. A serial master gives up sooner, and a read that no client awaits should not
+    /// occupy a line.
     pub read_within: Duration,
 }
 

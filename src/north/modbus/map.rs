@@ -20,7 +20,7 @@ pub enum MapTable {
     Coil,
     /// Discrete inputs: 02.
     Discrete,
-    /// The same words as input registers (04) and as holding registers (03).
+    /// Input registers (04) and holding registers (03) with equal content.
     Word,
     /// Holding registers only: 03 and, where they are written, 06, 10, 16 and 17 hex.
     Holding,

@@ -20,7 +20,7 @@ use std::time::Duration;
 
 /// The silence around frames in characters (Modbus over serial line V1.02, 2.5.1.1).
 const SILENCE_CHARS: f64 = 3.5;
-/// The same above 19200 bit/s.
+/// The silence around frames above 19200 bit/s (Modbus over serial line V1.02, 2.5.1.1).
 const SILENCE_FAST: Duration = Duration::from_micros(1750);
 /// Above this speed the silence is fixed.
 const FAST_BAUD: u32 = 19_200;

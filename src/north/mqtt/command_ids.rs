@@ -38,9 +38,9 @@ struct Used {
 pub(super) enum IdState {
     /// It was not used.
     New,
-    /// The same command is under way.
+    /// The id is in use by an equal command that is under way.
     UnderWay,
-    /// The same command ended with this outcome.
+    /// The id was used by an equal command that ended with this outcome.
     Ended(Report),
     /// Another command had it.
     Other,

@@ -66,7 +66,7 @@ impl<T> InFlight<T> {
         self.next_of(at, |_| true)
     }
 
-    /// The same among those that `may` be sent.
+    /// The next one to be sent on this connection, among those that `may` be sent.
     pub(super) fn next_of(&mut self, at: MonoTime, may: impl Fn(&T) -> bool) -> Option<(u64, &T)> {
         let may_go = self
             .trial_from

@@ -21,7 +21,7 @@ pub(super) struct Present {
 }
 
 impl Present {
-    /// The same with a heartbeat of its own, if there is one.
+    /// This present with `heartbeat` in place of its own, if there is one.
     pub(super) fn beating(self, heartbeat: Option<Duration>) -> Self {
         Self {
             heartbeat: heartbeat.unwrap_or(self.heartbeat),

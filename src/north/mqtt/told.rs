@@ -59,7 +59,8 @@ impl Mark {
             && agree(&self.code, &other.code)
     }
 
-    /// The same for an event that was heard long ago: only the drive's own count tells it from a later one.
+    /// Whether both gateways mean the same trip, for one heard long ago: only the drive's own count tells it from a
+    /// later one.
     fn is_the_same_trip(&self, other: &Self) -> bool {
         let agree = self.has_no_values() || other.has_no_values() || self.values == other.values;
         self.kind == "tripped"
@@ -127,7 +128,7 @@ impl Told {
         self.take_last(own)
     }
 
-    /// The same by the last trips alone.
+    /// Whether an event of ours is the last trip of its drive, as the broker had it. That trip is forgotten then.
     pub(super) fn take_last(&mut self, own: &Mark) -> bool {
         let is_last = self
             .last

@@ -74,7 +74,7 @@ pub fn key(text: &str) -> Option<Key> {
     Some(key)
 }
 
-/// The inverse.
+/// The key of a session as 64 hexadecimal digits.
 #[must_use]
 pub fn key_text(key: &Key) -> String {
     key.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -65,7 +65,7 @@ impl Sessions {
             .map(|session| session.user)
     }
 
-    /// The same for a request that commands, which keeps the session alive.
+    /// The user identified by `key` at `now`, for a request that commands: it keeps the session alive.
     pub fn used(&mut self, now: MonoTime, key: &Key) -> Option<CommanderName> {
         let session = self
             .open

@@ -23,7 +23,7 @@ pub struct Gateway {
 /// The path to the broker.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BrokerWay {
-    /// It is open.
+    /// The connection to the broker is open.
     pub is_connected: bool,
     /// Another client uses the gateway's identifier.
     pub is_contested: bool,

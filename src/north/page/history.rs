@@ -132,7 +132,7 @@ impl History {
         self.rows.keys().map(|at| row(*at)).collect()
     }
 
-    /// The same with minimum, mean and maximum, as CSV with a head.
+    /// The rows as CSV with a head: the time, and minimum, mean and maximum of each value.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = "time".to_owned();

@@ -189,7 +189,7 @@ pub struct Collector {
 #[derive(Debug)]
 struct Collected {
     columns: Vec<Column>,
-    /// The same as a JSON document.
+    /// The columns as a JSON document.
     document: String,
     cells: Vec<Cell>,
 }

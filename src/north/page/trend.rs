@@ -152,7 +152,7 @@ pub(super) struct Column {
 pub(super) enum Source {
     /// The polled register with this name.
     Register(String),
-    /// The same, which shows per cent of a rated value.
+    /// The polled register with this name, shown in per cent of a rated value.
     Rated(String, Rated),
     /// The setpoint.
     Setpoint,
@@ -213,7 +213,7 @@ impl Column {
         json!({ "name": self.name, "label": self.label, "unit": self.unit })
     }
 
-    /// The same with its digits, as it is stored beside kept values.
+    /// Name, label, unit and digits of the column, as stored beside kept values.
     pub fn kept(&self) -> Value {
         json!({ "name": self.name, "label": self.label, "unit": self.unit, "digits": self.digits })
     }

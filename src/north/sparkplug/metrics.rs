@@ -27,11 +27,11 @@ pub(super) enum Source {
     Watchdog,
     /// The last command from a host.
     Result(ResultPart),
-    /// What does not change.
+    /// The id of the drive's model, which does not change.
     Model,
-    /// The same.
+    /// The name of the drive's line, which does not change.
     Line,
-    /// The same.
+    /// The drive's native unit on Modbus TCP, which does not change.
     Unit,
     /// An input that a host writes.
     Input(Input),

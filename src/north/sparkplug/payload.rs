@@ -176,7 +176,7 @@ impl Payload {
         Self::parse(bytes)
     }
 
-    /// The same for messages of any length, as hosts get them.
+    /// The payload in `bytes`, of any length, as hosts get it.
     ///
     /// # Errors
     /// They do not match the schema: why, for people.

@@ -43,7 +43,7 @@ use crate::toml_file::{OptionalKey, Reader, RequiredKey, Section, Spanned};
 use facts::Facts;
 use std::cell::RefCell;
 
-/// The whole file.
+/// A model file.
 pub(super) struct ModelFile {
     pub id: RequiredKey<String>,
     vendor: RequiredKey<String>,

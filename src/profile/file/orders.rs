@@ -49,7 +49,7 @@ impl PlacesFile {
         facts.needed(reader, kind.word(), |reader| self.parts(reader, kind))
     }
 
-    /// The same; `None` if the model does not have it.
+    /// The order `kind`, which may name its register; `None` if the model does not have it.
     pub(super) fn optional_order(
         &mut self,
         facts: &Facts<'_>,

@@ -84,7 +84,8 @@ impl<'s> Whole<'s> {
         Self::after(text, sources, &[], problems)
     }
 
-    /// The same for a file that the models `on_way` begin from.
+    /// Reads `text`, from which the models `on_way` begin, and the files of `sources` that it begins from. `None`:
+    /// there is no complete file, and why is reported.
     fn after(
         text: &'s str,
         sources: &'s dyn Sources,

@@ -71,7 +71,7 @@ impl RunCommand {
         }
     }
 
-    /// The same, to be changed.
+    /// The word of the order `kind`, to be changed; `None` if the model lacks it.
     pub(in crate::profile) const fn word_mut(&mut self, kind: OrderKind) -> Option<&mut Fact<u16>> {
         match kind {
             OrderKind::Stop => Some(&mut self.stop),

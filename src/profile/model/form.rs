@@ -122,7 +122,7 @@ impl Form {
 pub struct FullScale {
     /// The number that stands for the whole. Never 0.
     pub steps: u32,
-    /// The whole.
+    /// What the value is a fraction of; `steps` stands for it.
     pub of: Whole,
     /// The value of 0; `None` for 0.
     pub from: Option<Basis>,

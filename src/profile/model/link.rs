@@ -47,7 +47,8 @@ impl Link {
         }
     }
 
-    /// The same with this framing: RTU frames are bytes, so 7 data bits are the setting of a drive with ASCII frames.
+    /// The factory settings if they can be used with `framing`: RTU frames are bytes, so 7 data bits are the setting of
+    /// a drive with ASCII frames.
     #[must_use]
     pub fn factory_with(&self, framing: Framing) -> Option<LinkSettings> {
         self.factory()
@@ -112,7 +113,7 @@ pub struct Timing {
     pub reply_timeout_cap: Fact<Duration>,
     /// Maximum processing time of a request, if documented.
     pub processing_max: Option<Fact<Duration>>,
-    /// The same for a write to a stored register.
+    /// Maximum processing time of a write to a stored register, if documented.
     pub stored_write_max: Option<Fact<Duration>>,
     /// Maximum reply delay that can be configured on the drive, on top of its processing time.
     pub reply_delay_max: Option<Fact<Duration>>,
@@ -120,7 +121,7 @@ pub struct Timing {
     pub reply_char_bits: Option<Fact<u8>>,
     /// How long the drive is left alone after its reply to a write.
     pub pause_after_write: Option<Fact<Duration>>,
-    /// The same after a write to a stored register, where that takes longer.
+    /// How long the drive is left alone after its reply to a write to a stored register, where that takes longer.
     pub pause_after_stored_write: Option<Fact<Duration>>,
     /// How long after a time-out a late reply may still arrive.
     pub max_lateness: Fact<Duration>,

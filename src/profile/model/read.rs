@@ -8,7 +8,7 @@ use crate::domain::address::{Address, Table};
 pub struct ReadLimits {
     /// Maximum number of words in one read. With 1, no read ever covers two registers.
     pub max_words: Fact<u16>,
-    /// The same for ASCII frames, if the model supports them.
+    /// Maximum number of words in one read with ASCII frames, if the model supports them.
     pub max_words_ascii: Option<Fact<u16>>,
     /// The longest RTU frame that the drive takes or sends. The numbers of words are already as small as it demands.
     pub max_bytes: Option<Fact<u16>>,

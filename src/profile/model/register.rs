@@ -291,7 +291,7 @@ impl Register {
         self.takes_number(self.number_in(word))
     }
 
-    /// The same for both words of a value.
+    /// Whether the value in `words` lies within the register's range, if a range is known.
     #[must_use]
     pub fn takes_both(&self, words: [u16; 2]) -> bool {
         let number = self.number(|address| address.word_in(self.address, &words));

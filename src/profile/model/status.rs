@@ -144,7 +144,7 @@ pub struct StateText {
 }
 
 impl StateText {
-    /// The same without its source, with the text marked if it is unproven.
+    /// Mask, value and text without the source, with the text marked if it is unproven.
     #[must_use]
     pub fn masked(&self) -> MaskedText {
         let Self {

@@ -91,7 +91,7 @@ impl RegisterFile {
         self.register_among(&[])
     }
 
-    /// The same, if its value depends on others of `all`.
+    /// The register, whose value may depend on others of `all`; `None` if any part is unusable.
     pub(super) fn register_among(&self, all: &[Self]) -> Option<Register> {
         let (confidence, source) = self.origin.clone()?;
         let scale = self.scale.or(Steps::ONE)?;

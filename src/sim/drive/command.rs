@@ -18,7 +18,7 @@ pub(super) struct RunOrder {
     pub(super) release: bool,
     /// Makes the drive obey the bus whatever its source registers say.
     pub(super) bus_run: bool,
-    /// The same for the frequency.
+    /// Makes the drive take its frequency from the bus whatever its source registers say.
     pub(super) bus_frequency: bool,
     /// Everything else stays unchanged: the word is one command, not a set of states.
     pub(super) is_one_command: bool,

@@ -177,7 +177,7 @@ fn mantissa_and_exponent(register: &Register, number: i128) -> u16 {
     field | power
 }
 
-/// The whole number nearest to a fraction.
+/// The integer nearest to `numerator / denominator`.
 const fn nearest(numerator: i128, denominator: i128) -> i128 {
     (2 * numerator + denominator).div_euclid(2 * denominator)
 }

@@ -31,7 +31,7 @@ impl Difference {
         [label, title, shown(&self.first), shown(&self.second)]
     }
 
-    /// The same for programs.
+    /// The difference as JSON, for programs.
     #[must_use]
     pub fn json(&self) -> Value {
         let side = |side: &Option<Parameter>| {

@@ -50,7 +50,7 @@ pub(super) struct Admitted {
 }
 
 impl Admitted {
-    /// The same, if its body is valid.
+    /// The request, if its body is valid.
     ///
     /// # Errors
     /// What is answered instead.
@@ -107,7 +107,7 @@ pub(super) async fn admit(control: &Control, request: Request) -> Result<Admitte
     admit_with(control, request, BODY_BYTES_MAX).await
 }
 
-/// The same for a body of up to `bytes_max` bytes.
+/// Accepts a request of a signed-in user with a body of up to `bytes_max` bytes.
 ///
 /// # Errors
 /// What is answered instead.

@@ -18,7 +18,7 @@ pub const WAITING_MAX: usize = 10_000;
 pub const WAITING_BYTES_MAX: usize = 64 * 1024 * 1024;
 /// Messages that wait for an acknowledgement, to and from one client.
 pub const IN_FLIGHT_MAX: u16 = 64;
-/// The same from a client with MQTT 3.1.1, which cannot be told a limit.
+/// Messages that wait for an acknowledgement from one client with MQTT 3.1.1, which has no way to learn a limit.
 pub const INCOMING_MAX: usize = 1000;
 /// Longest identifier of a client, in bytes.
 pub const CLIENT_IDENTIFIER_MAX: usize = 1024;

@@ -99,7 +99,7 @@ fn request_adu_bytes(adu: &[u8]) -> Option<usize> {
     }
 }
 
-/// The same of a reply.
+/// Length in bytes of the reply frame that begins with `adu`, where its function tells.
 fn reply_adu_bytes(adu: &[u8]) -> Option<usize> {
     match *adu.get(1)? {
         function if function & function::EXCEPTION_BIT != 0 => Some(5),

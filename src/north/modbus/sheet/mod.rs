@@ -22,7 +22,7 @@ pub enum SheetTable {
     Coil,
     /// Discrete inputs.
     Discrete,
-    /// The same words as input registers and as holding registers.
+    /// Input registers and holding registers with equal content.
     Word,
     /// Holding registers only.
     Holding,

@@ -11,7 +11,7 @@ use crate::profile::model::{Register, Role};
 
 /// The unsigned word for a value that the drive does not have or that is not known.
 pub const ABSENT: u16 = 0xFFFF;
-/// The same for a signed word.
+/// The word for a signed value that the drive does not have or that is not known.
 pub const ABSENT_SIGNED: u16 = 0x8000;
 
 /// Where a measurement comes from.
