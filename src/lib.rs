@@ -10,7 +10,7 @@
 //! | [`profile`] | what a drive description may say, and the proof that it is sound |
 //! | [`vendors`] | one folder per vendor: model files, data only |
 //! | [`drive`] | what is known about one drive: poll plan, picture, trips; commands as steps |
-//! | [`journal`] | what is kept beyond the life of the process, and what is told of an earlier one |
+//! | [`journal`] | what is kept beyond the life of the process, and what is known of an earlier one |
 //! | [`guard`] | the only door for commands: limits, owners, leases, start inhibit |
 //! | [`mod@line`] | the wire of one line as a machine: schedule, transaction, timing, fault table, counters |
 //! | [`gateway`] | `LineCore`: the pure whole of one line; events and time in, effects out |

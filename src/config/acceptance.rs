@@ -9,7 +9,7 @@ use crate::profile::model::Model;
 use crate::toml_file::{Location, OptionalKey, Spanned};
 use crate::vendors;
 
-/// What is accepted for one drive, and how what is not is told.
+/// What is accepted for one drive, and how what is not is reported.
 #[derive(Clone, Copy)]
 pub(super) struct Acceptance<'a> {
     file: &'a ControlFile,
@@ -78,7 +78,7 @@ impl<'a> Acceptance<'a> {
         )
     }
 
-    /// What there is to be told about trials at this drive, whose section is at `location`.
+    /// Reports what there is to say about trials at this drive, whose section is at `location`.
     pub fn check(&self, location: &Location, model: &Model, problems: &mut Vec<Problem>) {
         if let Standing::Void(actions, why) = self.standing {
             let lost = actions

@@ -210,8 +210,8 @@ impl Claim<'_> {
     }
 }
 
-/// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `told` keeps
-/// the places that are already reported.
+/// Reports each unit that belongs to an earlier drive, or to the same drive, of the same listener. `told` holds the
+/// places that are already reported.
 fn told_apart(
     file: &File,
     lines: &BTreeSet<usize>,

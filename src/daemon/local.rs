@@ -343,7 +343,7 @@ impl LocalSide {
         }
     }
 
-    /// Sets the sums of what the drive at `place` has used back to 0. Returns whether its line was there to be told.
+    /// Sets the sums of what the drive at `place` has used back to 0. Returns whether its line took the message.
     #[must_use]
     pub fn reset_usage(&self, who: Who, place: DriveRef) -> bool {
         let shared = self.shared();

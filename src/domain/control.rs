@@ -32,7 +32,7 @@ impl FailSafe {
 /// What happens when the output is outside the limits or far from the setpoint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum OnOutputOutside {
-    /// It is told, and nothing makes the motor faster.
+    /// The output is reported, and nothing makes the motor faster.
     #[default]
     Alarm,
     /// The motor is stopped as well.

@@ -40,7 +40,7 @@ pub struct Sight {
     is_away: bool,
     last_seen: Option<LastSeen>,
     may_still_run: bool,
-    /// That was told.
+    /// It was reported that the drive may still run.
     is_told: bool,
     /// A person has confirmed since then that the motor stands.
     is_confirmed: bool,
@@ -66,7 +66,7 @@ impl Sight {
         (self.is_away, self.last_seen, self.may_still_run) = (true, last_seen, true);
     }
 
-    /// A reading shows what the drive does. Returns whether it was told that it may still run.
+    /// A reading shows what the drive does. Returns whether it was reported that it may still run.
     pub fn seen(&mut self) -> bool {
         std::mem::take(self).is_told
     }

@@ -5,7 +5,7 @@ use super::view::StatusView;
 use crate::domain::address::Address;
 use crate::profile::model::{Flag, Model, StatusFlag};
 
-/// Most such words that are told of one drive: a register that holds anything is no status.
+/// Most undocumented words that are reported for one drive: a register that holds anything is no status.
 const UNDOCUMENTED_MAX: usize = 16;
 
 /// A word of a status register that no document names.
@@ -23,7 +23,7 @@ pub struct StatusWatch {
     flags: Vec<(StatusFlag, Option<bool>)>,
     /// The last word read that no document names, as long as its register holds one.
     undocumented: Option<UndocumentedState>,
-    /// Those that were told.
+    /// The undocumented words that were reported.
     told: Vec<UndocumentedState>,
     /// The output whose sign is the direction, and whether it shows reverse; only without a flag for that.
     sign: Option<(OutputRegister, Option<bool>)>,

@@ -233,7 +233,8 @@ pub enum LineNote {
     Rival {
         /// What it sent.
         frame: HeardFrame,
-        /// It was a signal between gateways. What another gateway asks a drive cannot be told from what any master asks.
+        /// What was heard was a signal between gateways. What another gateway asks a drive looks like what any master
+        /// asks.
         is_gateway: bool,
     },
     /// The suspected cause of the failures; `None`: no longer any.

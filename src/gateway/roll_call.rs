@@ -26,7 +26,7 @@ impl LineCore {
         }
         let is_due = call.ask_at().is_some_and(|at| now >= at);
         if is_due {
-            // A listener answers the question by what it has just been told.
+            // A listener answers the question by the digest that it has just received.
             let told = self.share.as_mut().map(|share| {
                 (
                     std::mem::replace(&mut share.told_digest, true),

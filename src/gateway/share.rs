@@ -43,9 +43,9 @@ pub(super) struct Share {
     pub role_said_at: MonoTime,
     /// The stop of another gateway that was heard last while this one is active, and until when its answer may come.
     pub heard_stop: Option<(Vec<u8>, MonoTime)>,
-    /// What is still to be told before the line is handed over; `None`: that is not known yet.
+    /// What is still to be sent before the line is handed over; `None`: that is not known yet.
     pub to_tell: Option<Vec<Word>>,
-    /// The digest of its drives was told, and the question that follows it was not asked yet.
+    /// The digest of this gateway's drives was sent, and the question that follows it was not asked yet.
     pub told_digest: bool,
     /// A digest of its drives.
     pub digest: u16,

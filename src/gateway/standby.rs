@@ -21,7 +21,7 @@ use std::time::Duration;
 
 /// How long a listener hears bytes without a sound frame before its speed or polarity must be wrong.
 const NOISE_ALONE: Duration = Duration::from_secs(10);
-/// How long a station that this gateway lacks is told after it was last talked to.
+/// How long a station that this gateway lacks is reported after it was last talked to.
 const STRANGER_FOR: Duration = Duration::from_secs(120);
 /// How long a line that is to be handed over waits for a moment at which nothing is under way.
 const YIELD_WAIT: Duration = Duration::from_secs(5);

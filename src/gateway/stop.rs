@@ -62,7 +62,7 @@ pub struct StopLatch {
     /// Consecutive unanswered reads.
     missed_looks: u8,
     was_told_late: bool,
-    /// It was told that it could not be sent in time.
+    /// It was reported that the stop could not be sent in time.
     was_told_unsent: bool,
     /// Since when the drive has been offline, if it is.
     offline_since: Option<MonoTime>,
@@ -277,7 +277,7 @@ impl StopLatch {
         self.accepted_at
     }
 
-    /// If it was told that it could not be sent, an effect is expected from `now` on.
+    /// If it was reported that the stop could not be sent, an effect is expected from `now` on.
     fn goes_out(&mut self, now: MonoTime) {
         if self.is_unsent() && self.was_told_unsent {
             self.awaited_since = now;

@@ -34,7 +34,7 @@ impl Interlocks {
         }
     }
 
-    /// The drive was told to store what was written before.
+    /// The drive was ordered to store what was written before.
     pub fn stored(&mut self, word: &CommitWord, now: MonoTime) {
         if word.effect == CommitEffect::Store {
             self.remember(word.address, now);

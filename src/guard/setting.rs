@@ -64,7 +64,7 @@ pub(super) enum InForce {
 }
 
 impl InForce {
-    /// What a client is told whose order would change nothing.
+    /// The answer to a client whose order would change nothing.
     pub fn report(self) -> Result<(), Report> {
         match self {
             Self::Yes | Self::No => Ok(()),

@@ -8,7 +8,7 @@ pub fn ask_for_consent() -> Result<(), Failure> {
     ask("set this?", "nothing was set")
 }
 
-/// Asks the person at the terminal this `question`; what was done `otherwise` is told unless the answer is yes.
+/// Asks the person at the terminal this `question`; unless the answer is yes, the error says what was done `otherwise`.
 pub fn ask(question: &str, otherwise: &str) -> Result<(), Failure> {
     if !io::stdin().is_terminal() {
         return Err(Failure::wrong(format!(

@@ -3,7 +3,7 @@
 use super::{Tone, toned};
 use serde_json::Value;
 
-/// A drive that may run unseen. It is told before all others.
+/// A drive that may run unseen, as a line of text. It is shown before all others.
 pub fn unseen_row(drive: &Value) -> String {
     let seen = &drive["last_seen"];
     let hertz = seen["output_hz"]

@@ -1,4 +1,4 @@
-//! What a reload would do, as a table: a text is changed, and the difference told.
+//! What a reload would do, as a table: a text is changed, and the difference reported.
 
 use super::{CONTROLLED, TWO_LINES, good, with};
 use crate::config::change::Change;

@@ -9,7 +9,8 @@ use crate::domain::command::{Outcome, Reason, Report};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 
-/// Tells the line of `drive` that `who` confirms it. It ends what is told of the drive, and sends nothing.
+/// Sends the line of `drive` the confirmation of `who` that the motor stands. It ends what is reported of the drive,
+/// and sends the drive nothing.
 pub(super) fn confirm(side: &LocalSide, who: Who, drive: &SharedDrive) -> Response {
     if !drive.view.load().sight.may_still_run {
         let why =

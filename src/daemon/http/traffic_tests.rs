@@ -1,4 +1,4 @@
-//! A client that watches a line over HTTP gets its traffic in order, and is told how much it has missed.
+//! A client that watches a line over HTTP gets its traffic in order, and the number of frames that it has missed.
 
 use super::connections::{self, Patience};
 use super::routes;

@@ -97,7 +97,8 @@ impl TripWatch {
         }
     }
 
-    /// Whether `count`, which is not below `told`, has to be read again before it is believed.
+    /// Whether `count`, which is not below `told`, the count reported so far, has to be read again before it is
+    /// believed.
     fn is_doubted(&mut self, count: u16, told: u16, most: u16, now: MonoTime) -> bool {
         let is_usual = count.saturating_sub(told) <= most;
         let is_known = self

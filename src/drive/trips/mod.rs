@@ -33,7 +33,7 @@ use std::time::Duration;
 /// are reported with what is known, so that they do not wait forever.
 const READS_MAX: u8 = 4;
 
-/// How long another number waits for the record of the trip before it, which is told without it then.
+/// How long another number waits for the record of the trip before it, which is reported without it then.
 const UNREAD_AFTER: Duration = Duration::from_secs(2);
 
 /// The trips of one drive.
@@ -43,7 +43,7 @@ pub struct TripWatch {
     view: TripView,
     /// The count up to which everything has been reported.
     told: Option<u16>,
-    /// That count was read more than once.
+    /// The count in `told` was read more than once.
     told_is_sure: bool,
     /// A reading of the count that is believed once it has been read again, and when it was first read.
     doubted: Option<(u16, MonoTime)>,
@@ -178,9 +178,9 @@ impl TripWatch {
         told
     }
 
-    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A trip
-    /// that was seen before is told without its record, which cannot be read now. A count that was read only once may
-    /// have been the other drive's already; it is read again afterwards.
+    /// Takes words that may be another drive's: of trips they tell nothing, except that what is known may not be so. A
+    /// trip that was seen before is reported without its record, which cannot be read now. A count that was read only
+    /// once may have been the other drive's already; it is read again afterwards.
     pub fn take_unsure(&mut self, address: Address, words: &[u16]) -> Option<TripEvent> {
         let places = self.places.as_ref()?;
         let word = |register: Address| register.word_in(address, words);

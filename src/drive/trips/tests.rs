@@ -415,7 +415,7 @@ fn a_trip_that_was_found_on_return_or_at_the_start_came_while_the_drive_was_away
     );
 }
 
-/// What is told of `readings` of the status, each a millisecond after the one before.
+/// What is reported after `readings` of the status, each a millisecond after the one before.
 fn told(watch: &mut TripWatch, readings: &[u16]) -> Vec<(&'static str, MonoTime)> {
     let mut told = Vec::new();
     for (status, now) in readings.iter().zip(0..) {

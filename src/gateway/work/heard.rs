@@ -144,8 +144,8 @@ impl DriveWork {
         self.has_changed = true;
     }
 
-    /// What is told of the drive before the line is handed over: the order by which it runs, or that it was not started over
-    /// the line. `None` if it does not run.
+    /// What is sent about the drive before the line is handed over: the order by which it runs, or that it was not
+    /// started over the line. `None` if it does not run.
     #[must_use]
     pub fn order_to_tell(&self) -> Option<Option<Direction>> {
         self.guard.control()?;

@@ -140,7 +140,7 @@ pub struct DriveWork {
     is_stop_refused: bool,
     /// When it last refused every form of a stop.
     stop_refused_at: Option<MonoTime>,
-    /// That was logged.
+    /// It was logged that the drive refused a stop.
     told_refused: bool,
     /// A stop answered from memory, until the drive has confirmed it.
     answered: Option<Answered>,

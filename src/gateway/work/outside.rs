@@ -1,5 +1,5 @@
 //! The output, held against what was ordered: a motor that turns faster than the configuration allows, or far from its
-//! setpoint, is told, and is neither started nor made faster.
+//! setpoint, is reported, and is neither started nor made faster.
 
 use super::outside_watch::Found;
 use super::{DriveWork, Out};

@@ -59,7 +59,7 @@ pub(super) struct Outside {
     from_setpoint: Option<Distance>,
     /// Whatever the setpoint is.
     above_limit: Option<Distance>,
-    /// It has been told, and the output was not seen right since.
+    /// The output outside its limits was reported, and was not seen right since.
     pub(super) is_told: bool,
 }
 

@@ -1,4 +1,4 @@
-//! A drive that goes out of sight: what was last seen of it is kept, and told if its motor may still run.
+//! A drive that goes out of sight: what was last seen of it is kept, and reported if its motor may still run.
 
 use super::heard_order::HeardOrder;
 use super::{DriveWork, Out};
@@ -108,7 +108,7 @@ impl DriveWork {
             .status_flag(Flag::Running)
             .and_then(|it| self.age(it.address, self.status_at, now));
         let is_seen = [output, status].contains(&Some(Age::Fresh));
-        // What is not fresh may become old in a moment: nothing is told of one part before the other is known.
+        // What is not fresh may become old in a moment: nothing is reported of one part before the other is known.
         if !is_seen && (output == Some(Age::Stale) || status == Some(Age::Stale)) {
             return;
         }

@@ -18,8 +18,8 @@ const TOPICS_MAX: usize = 64;
 #[derive(Debug, Default)]
 pub(in crate::north) struct OversizedTopics {
     all: Vec<Oversized>,
-    /// Topics that were taken by [`next_untold`](Self::next_untold) on this connection: a document whose size swings around
-    /// the limit is told once.
+    /// Topics that were taken by [`next_untold`](Self::next_untold) on this connection: a document whose size swings
+    /// around the limit is reported once.
     told: Vec<String>,
 }
 

@@ -54,7 +54,7 @@ impl EventQueue {
         true
     }
 
-    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
+    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be published.
     pub(super) fn next(
         &mut self,
         at: MonoTime,

@@ -15,9 +15,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// How long after it has taken a line over a gateway waits with trip events of its drives: what the one before it has
-/// told arrives first.
+/// published arrives first.
 pub(super) const SETTLES_WITHIN: Duration = Duration::from_secs(1);
-/// After this time without a sign of life another gateway that was missed is told as offline.
+/// After this time without a sign of life another gateway that was missed is published as offline.
 const MISSED_AFTER: Duration = Duration::from_secs(5);
 /// Most other gateways that are known.
 const OTHERS_MAX: usize = 8;
@@ -57,7 +57,7 @@ pub(super) struct Half {
     drives: Vec<Option<usize>>,
     document: Slot,
     others: BTreeMap<String, Other>,
-    /// When those that were not heard since are told as offline.
+    /// When other gateways that were not heard since the last one went offline are published as offline.
     missed_at: Option<MonoTime>,
     /// Documents of others that are to be replaced.
     gone: Vec<String>,
@@ -183,7 +183,7 @@ impl Half {
         self.speaks_for(drive) || is_a_stop && stops() == Some(true)
     }
 
-    /// Whether trip events of the drive at this place may be told.
+    /// Whether trip events of the drive at this place may be published.
     pub(super) fn may_tell(&self, at: MonoTime, drive: usize) -> bool {
         self.speaks_for(drive)
             && self
@@ -260,7 +260,7 @@ impl Half {
         is_less
     }
 
-    /// The gateway was told as offline: not by this one, so it or another died or left. All that are there say so.
+    /// The gateway was published as offline: not by this one, so it or another died or left. All that are there say so.
     pub(super) fn told_offline(&mut self, at: MonoTime) {
         self.document.forget();
         for other in self.others.values_mut() {
@@ -342,7 +342,7 @@ impl Half {
         json!({ "half": half, "partner": partner, "online": is_online, "lines": lines }).to_string()
     }
 
-    /// The connection is lost. The next one brings what the others have told meanwhile.
+    /// The connection is lost. The next one brings what the others have published meanwhile.
     pub(super) fn lost(&mut self) {
         self.document.forget();
         self.others.clear();

@@ -64,7 +64,7 @@ pub struct Session {
     pub(super) results: Results,
     pub(super) events: EventQueue,
     pub(super) stored: Stored,
-    /// What other gateways of the name have told.
+    /// What other gateways of the name have published.
     pub(super) told: Told,
     /// Which of them this one is.
     pub(super) half: Half,

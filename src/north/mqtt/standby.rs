@@ -1,5 +1,5 @@
-//! The session as one of several gateways of the same name: they hear what each tells, and what both have seen is told
-//! once.
+//! The session as one of several gateways of the same name: they hear what each publishes, and what both have seen is
+//! published once.
 
 use super::session::Session;
 use super::slot::Present;
@@ -63,7 +63,7 @@ impl Session {
         }
     }
 
-    /// Takes what this or another gateway of the name has told.
+    /// Takes what this or another gateway of the name has published.
     pub(super) fn hear(&mut self, at: MonoTime, told: Told<'_>, message: &Message<'_>) {
         match told {
             Told::Status => {
@@ -119,7 +119,7 @@ impl Session {
         }
     }
 
-    /// Whether the event with this mark may be told now.
+    /// Whether the event with this mark may be published now.
     pub(super) fn may_tell(&self, at: MonoTime, mark: &Mark) -> bool {
         if self.half.pair().is_none() {
             return true;

@@ -45,7 +45,7 @@ impl Stored {
         self.is_asked = false;
     }
 
-    /// `place`: topic and mark of an event; `None` if another gateway has told it.
+    /// `place`: topic and mark of an event; `None` if another gateway has published it.
     fn take(
         &mut self,
         events: &[StoredEvent],
@@ -79,7 +79,7 @@ impl Stored {
         }
     }
 
-    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be told.
+    /// Topic, payload and number of the next event to be sent on this connection, among those that `may` be published.
     pub(super) fn next(
         &mut self,
         at: MonoTime,

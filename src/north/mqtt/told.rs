@@ -1,8 +1,8 @@
-//! Trip events that another gateway of the same name tells: what both have seen is told once.
+//! Trip events that another gateway of the same name publishes: what both have seen is published once.
 //!
 //! Each gateway numbers its events itself, and their clocks need not agree. The same event is known by its drive, its
-//! kind, and the drive's own count and code. Repeats of a trip are told apart by their order: each event that is heard
-//! stands for one of our own.
+//! kind, and the drive's own count and code. Repeats of a trip are distinguished by their order: each event that is
+//! heard stands for one of our own.
 
 use crate::domain::time::MonoTime;
 use serde_json::{Map, Value};
@@ -28,7 +28,7 @@ pub(super) struct Mark {
 }
 
 impl Mark {
-    /// That of an event with this body. A body without one is like no other.
+    /// The mark of an event with this body. A body without drive or kind is like no other.
     pub(super) fn of(drive: &str, body: &Map<String, Value>) -> Self {
         let value = |key: &str| body.get(key).cloned().unwrap_or_default();
         let kind = value("kind").as_str().unwrap_or_default().to_owned();
@@ -86,7 +86,7 @@ impl Mark {
     }
 }
 
-/// What other gateways have told and was not seen here yet.
+/// What other gateways have published and was not seen here yet.
 #[derive(Debug, Default)]
 pub(super) struct Told {
     heard: VecDeque<(MonoTime, Mark)>,
@@ -95,7 +95,7 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// Remembers an event that was told and that no event of ours is known to be.
+    /// Remembers an event that another gateway has published and that no event of ours is known to be.
     pub(super) fn remember(&mut self, at: MonoTime, mark: Mark) {
         self.heard
             .retain(|(heard_at, mark)| mark.count.is_number() || at.since(*heard_at) < HEARD_FOR);
@@ -112,7 +112,7 @@ impl Told {
         }
     }
 
-    /// Whether an event of ours that comes now was told already. It is forgotten by that.
+    /// Whether an event of ours that comes now was already published by another gateway, which is forgotten then.
     pub(super) fn take(&mut self, at: MonoTime, own: &Mark) -> bool {
         let is_it = |(heard_at, mark): &(MonoTime, Mark)| {
             if at.since(*heard_at) < HEARD_FOR {
@@ -183,7 +183,7 @@ mod tests {
         );
     }
 
-    /// A listener that was restarted, or off the line, finds a trip minutes after the other one has told it.
+    /// A listener that was restarted, or off the line, finds a trip minutes after the other one has published it.
     #[test]
     fn a_counted_trip_is_known_again_however_late_it_is_found() {
         let at = MonoTime::from_millis;

@@ -226,7 +226,7 @@ fn command(rest: &str) -> Option<Inbound<'_>> {
     (!place.input.only_reads()).then_some(Inbound::Drive(place))
 }
 
-/// What is told in the levels after the gateway's name.
+/// What is published in the levels after the gateway's name.
 fn told(rest: &str) -> Option<Told<'_>> {
     if rest == "status" {
         return Some(Told::Status);

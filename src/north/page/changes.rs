@@ -1,7 +1,7 @@
 //! What of a drive's document has changed since it was last sent.
 //!
-//! Most readings bring the number that was there before: all that changes then is how old it is, and that is told as one number
-//! for the whole drive.
+//! Most readings bring the number that was there before: all that changes then is how old it is, and that is sent as
+//! one number for the whole drive.
 
 use serde_json::{Map, Value};
 

@@ -230,7 +230,7 @@ pub(super) fn orders_one_thing(
         problems.push(word.location.problem(what).right(right));
         is_refused = true;
     }
-    // That a word is another command's as well is told already.
+    // That a word is another command's as well is reported already.
     let is_shared = run
         .own_words()
         .any(|(other, it)| other != order && it.value == word.value);

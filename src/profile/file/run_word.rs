@@ -113,6 +113,6 @@ fn values(reader: &mut Reader<'_, '_>) -> Option<Vec<(u16, Spanned<Option<BitMea
         );
         return None;
     }
-    // A value that cannot be used is told already: all words with it would seem wrong as well.
+    // A value that cannot be used is reported already: all words with it would seem wrong as well.
     Some(words_of(all, reader.problems())).filter(|values| values.len() == count)
 }

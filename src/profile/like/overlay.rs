@@ -5,7 +5,7 @@ use crate::toml_file::Spanned as Written;
 use serde_spanned::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
-/// Lists of tables whose rows are told apart by a key. A row of the file takes the place of the row with the same key;
+/// Lists of tables whose rows are identified by a key. A row of the file takes the place of the row with the same key;
 /// any other list takes the place of the whole list.
 pub(in crate::profile) const ROWS: [(&str, &[&str]); 9] = [
     ("register", &["name"]),

@@ -219,7 +219,7 @@ fn mistakes_in_what_is_taken_over_are_reported_with_file_and_line() {
         found.contains("0.toml:10 register[0].unit: `Hertz` is not an allowed value"),
         "{found}"
     );
-    // What is wrong by itself is told once, in its own file.
+    // What is wrong by itself is reported once, in its own file.
     let unsound = MODEL.replace("scale = 100", "scale = 0");
     assert_eq!(
         refused(&[&like_one(""), &unsound]),

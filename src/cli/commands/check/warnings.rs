@@ -64,7 +64,7 @@ pub(super) fn feeds_watchdog(model: &Model, control: &ControlSettings) -> Option
         .then(|| text.to_owned())
 }
 
-/// Addresses that `listener` allows and by which a container's clients are not told apart, with the warning.
+/// Addresses that `listener` allows and behind which a container's clients all look alike, with the warning.
 pub(super) fn behind_a_bridge(listener: &ListenerSettings) -> Option<(String, &'static str)> {
     let bridges = listener.bridges();
     (!bridges.is_empty()).then(|| (list(bridges), BEHIND_A_BRIDGE))

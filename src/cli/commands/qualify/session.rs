@@ -1,5 +1,5 @@
-//! The trials in their order: each is told, confirmed at the keyboard, sent, compared with what is read, and ends in a
-//! stop. Whatever is not as expected is answered by a stop at once.
+//! The trials in their order: each is described, confirmed at the keyboard, sent, compared with what is read, and ends
+//! in a stop. Whatever is not as expected is answered by a stop at once.
 
 use super::gateway::{Gateway, Held, Sent};
 use super::person::{Person, is_skip, is_yes};

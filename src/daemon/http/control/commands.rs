@@ -186,8 +186,8 @@ pub(super) async fn renew(
     (StatusCode::CONFLICT, json(&answer)).into_response()
 }
 
-/// The signed-in user confirms that the motor of a drive that is out of sight stands. It ends what is told of it, and
-/// sends nothing.
+/// The signed-in user confirms that the motor of a drive that is out of sight stands. It ends what is reported of the
+/// drive, and sends it nothing.
 pub(super) async fn confirm_standstill(
     State(control): State<Arc<Control>>,
     Path(name): Path<String>,
