@@ -123,15 +123,16 @@ pub struct TakeOver {
     pub times: StandbyTimes,
     /// The longest exchange: a reply to the last request of the other gateway may come so late.
     pub exchange: Duration,
-    /// Until this gateway may send, and has said that it does.
+    /// Longest time until this gateway may send, and has said that it does.
     pub begins: Duration,
-    /// Until its first STOP starts.
+    /// Longest time until this gateway's first STOP starts.
     pub first_stop: Duration,
-    /// Until its last one starts, if all commanded drives of the line have to be stopped.
+    /// Longest time until this gateway's last STOP starts, if all commanded drives of the line have to be stopped.
     pub last_stop: Duration,
-    /// Until no drive can owe the other gateway a reply any more.
+    /// Longest time until no drive can owe the other gateway a reply any more.
     pub settled: Duration,
-    /// Until all polled values have been read once, while every drive answers. From then on commands are accepted.
+    /// Longest time until all polled values have been read once, while every drive answers. From then on commands are
+    /// accepted.
     pub fresh: Duration,
 }
 

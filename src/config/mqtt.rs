@@ -309,7 +309,7 @@ fn broker(file: &MqttFile) -> Option<BrokerSettings> {
     })
 }
 
-/// The other nodes; `None` if it is invalid, see `problems`.
+/// The other nodes of the broker's cluster; `None` if the list is invalid, see `problems`.
 fn also_at(file: &MqttFile) -> Option<Vec<(String, u16)>> {
     let location = |address| match address {
         Address::Embedded => None,

@@ -41,9 +41,9 @@ pub struct QualifiedDrive {
 pub enum Finding {
     /// The drive did what the model says, and the person saw it.
     Confirmed,
-    /// It did something else.
+    /// The drive did something else than the model says.
     Contradicted,
-    /// It was not tried.
+    /// The trial was not made.
     Skipped,
 }
 
@@ -123,7 +123,7 @@ pub enum Standing {
     Never,
     /// These unproven actions were confirmed.
     Counts(SiteEvidence),
-    /// These were confirmed, and no longer count.
+    /// These unproven actions were confirmed, and no longer count.
     Void(Vec<ControlAction>, Voided),
     /// Nobody knows: the file cannot be used.
     Unreadable,

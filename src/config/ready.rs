@@ -273,7 +273,7 @@ pub struct ListenerSettings {
 pub struct ListenerTls {
     /// The gateway's certificate with its chain.
     pub cert_file: PathBuf,
-    /// Its key.
+    /// The key of the gateway's certificate.
     pub key_file: PathBuf,
     /// The certificate authorities of accepted clients.
     pub client_ca_file: PathBuf,

@@ -168,7 +168,7 @@ pub enum BrokerSettings {
         host: String,
         /// Port, from 1.
         port: u16,
-        /// The other nodes of its cluster.
+        /// The other nodes of the broker's cluster: host and port of each.
         also_at: Vec<(String, u16)>,
         /// TLS settings. `None`: the connection is not encrypted.
         tls: Option<TlsSettings>,
@@ -208,7 +208,7 @@ pub struct TlsSettings {
 pub struct ClientCertificate {
     /// The certificate with its chain.
     pub cert_file: PathBuf,
-    /// Its key.
+    /// The key of the client certificate.
     pub key_file: PathBuf,
 }
 

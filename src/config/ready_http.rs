@@ -60,6 +60,6 @@ pub enum HashSource {
 pub struct HttpTls {
     /// The gateway's certificate with its chain.
     pub cert_file: PathBuf,
-    /// Its key.
+    /// The key of the gateway's certificate.
     pub key_file: PathBuf,
 }

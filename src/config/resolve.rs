@@ -118,7 +118,8 @@ pub(super) fn resolve(
     })
 }
 
-/// Without the file nothing that was tried at a drive counts, which is no reason not to serve the others.
+/// Reports a file of trials that cannot be used: without it nothing that was tried at a drive counts, which is no
+/// reason not to serve the other drives.
 fn site_is_known(file: &File, models: Models<'_>, problems: &mut Vec<Problem>) {
     if let (Err(why), OptionalKey::Valid(dir)) = (models.site, &file.gateway.data_dir) {
         let what = format!(

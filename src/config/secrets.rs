@@ -76,14 +76,14 @@ fn without_word(mut said: String, secret: &str) -> String {
 /// The secrets of a parsed text.
 struct Secrets<'a> {
     text: &'a str,
-    /// Their places.
+    /// Places of the secrets in the text.
     spans: Vec<Range<usize>>,
     /// What they are, as it is meant and as it is written in a message; the longest first.
     words: Vec<String>,
 }
 
 impl<'a> Secrets<'a> {
-    /// Those of `text`, and whether it is no TOML.
+    /// The secrets of `text`, and whether it is no TOML.
     fn of(text: &'a str) -> (Self, bool) {
         let (root, errors) = DeTable::parse_recoverable(text);
         let mut secrets = Self {

@@ -126,7 +126,7 @@ pub const ON_OUTPUT_OUTSIDE: [(&str, OnOutputOutside); 2] = [
     (OnOutputOutside::Stop.word(), OnOutputOutside::Stop),
 ];
 
-/// Their effects, for messages.
+/// The effect of each action on an output outside its limits, for messages.
 #[must_use]
 pub const fn of_output_outside(action: OnOutputOutside) -> &'static str {
     match action {
@@ -153,7 +153,7 @@ const ON_GATEWAY_LOST: [(&str, OnGatewayLost); 4] = [
     (OnGatewayLost::Adopt.word(), OnGatewayLost::Adopt),
 ];
 
-/// One of these actions.
+/// One of the actions of a gateway that takes a line over.
 pub(super) fn on_gateway_lost() -> Kind<'static, OnGatewayLost> {
     Kind::choice(&ON_GATEWAY_LOST, |action| match action {
         OnGatewayLost::Stop => "the motor is stopped by its ramp",

@@ -35,7 +35,7 @@ pub enum OnOutputOutside {
     /// The output is reported, and nothing makes the motor faster.
     #[default]
     Alarm,
-    /// The motor is stopped as well.
+    /// The output is reported, and the motor is stopped.
     Stop,
 }
 

@@ -80,7 +80,7 @@ pub enum NativeOutcome {
     KeptOldValue(u16),
     /// The drive answered with an exception of its own.
     DriveException {
-        /// Its code.
+        /// The code of the exception.
         code: u8,
         /// What the drive means by it, as far as its model says.
         reason: Reason,

@@ -30,7 +30,7 @@ pub enum LineRole {
 }
 
 impl LineRole {
-    /// Both.
+    /// Both roles.
     pub const ALL: [Self; 2] = [Self::Listening, Self::Active];
 
     /// The machine-readable word.

@@ -13,7 +13,7 @@ pub struct Bases {
     limit: Option<Duration>,
 }
 
-/// What one of them held last.
+/// What a register on which frequencies depend held last.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     word: u16,
@@ -23,7 +23,7 @@ struct Known {
 }
 
 impl Bases {
-    /// Those of a drive of `model`, none of which is known. There are none on most models.
+    /// The bases of a drive of `model`, none of which is known. There are none on most models.
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let output = model.register_for(Role::OutputFrequency);

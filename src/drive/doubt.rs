@@ -29,7 +29,7 @@ struct Fall {
     from: u64,
     /// The lowest value since.
     to: u64,
-    /// When that was first read.
+    /// When the lowest value was first read.
     at: MonoTime,
     is_believed: bool,
 }
@@ -86,7 +86,7 @@ impl FallWatch {
         self.fall.is_some()
     }
 
-    /// Whether it is lower than before, and that is not believed yet.
+    /// Whether the counter is lower than before, and that is not believed yet.
     #[must_use]
     pub fn is_doubted(&self) -> bool {
         self.fall.is_some_and(|fall| !fall.is_believed)
@@ -106,7 +106,7 @@ struct Doubted {
     count: usize,
     /// What each of its registers read.
     word: u16,
-    /// When that was first read.
+    /// When the registers first read so.
     since: MonoTime,
 }
 

@@ -19,7 +19,7 @@ pub struct OutputRegister {
 }
 
 impl OutputRegister {
-    /// That of `model`, if it has one.
+    /// The output frequency register of `model`, if it has one.
     #[must_use]
     pub fn of(model: &Model) -> Option<Self> {
         let command = model
@@ -69,8 +69,8 @@ impl OutputRegister {
         Some(u16::try_from(steps).unwrap_or(u16::MAX))
     }
 
-    /// Whether they show reverse, if the sign does so and the motor turns. Where the documents state no sign, a number
-    /// above 0 may be a magnitude and shows no direction.
+    /// Whether `words`, read from `first` on, show reverse, if the sign does so and the motor turns. Where the
+    /// documents state no sign, a number above 0 may be a magnitude and shows no direction.
     #[must_use]
     pub fn is_reverse(&self, first: Address, words: &[u16]) -> Option<Option<bool>> {
         let number = self.number(first, words)?;

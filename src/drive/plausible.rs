@@ -7,23 +7,23 @@ use crate::profile::model::{Model, Register};
 /// What was seen of the registers with a range of what is plausible.
 #[derive(Clone, Debug)]
 pub struct Plausibility {
-    /// Each with whether its last reading was in its range.
+    /// Each register with whether its last reading was in its range.
     registers: Vec<(Register, Option<bool>)>,
-    /// All of them were, since the drive has come into sight.
+    /// All registers have been in their ranges since the drive has come into sight.
     holds: bool,
 }
 
 /// What a reading changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is one of its model.
+    /// The drive is one of its model.
     Holds,
-    /// It is not: this register held this word.
+    /// The drive is not one of its model: this register held this word.
     Fails(Address, u16),
 }
 
 impl Plausibility {
-    /// That of a drive of `model` of which nothing was read; it holds if the model asks for nothing.
+    /// The plausibility of a drive of `model` of which nothing was read; it holds if the model asks for nothing.
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let asked = model

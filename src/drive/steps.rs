@@ -101,7 +101,7 @@ pub struct Condition {
     pub mask: u16,
     /// Masked words.
     pub values: Vec<u16>,
-    /// Of a value of two words: the word at the next address, which is read in the same frame.
+    /// The word at the next address, for a value of two words, which is read in the same frame.
     pub second: Option<u16>,
     /// The words that meet it instead of these; `None`: the masked word must be one of them.
     pub instead: Option<ClearWords>,
@@ -321,7 +321,7 @@ pub struct WriteFunctions {
 }
 
 impl WriteFunctions {
-    /// Those of `model`.
+    /// The write functions of `model`.
     #[must_use]
     pub fn of(model: &Model) -> Self {
         Self {

@@ -169,7 +169,7 @@ pub struct UsageParts {
 }
 
 impl UsageParts {
-    /// Those of drives of `model`.
+    /// The sums that drives of `model` allow.
     #[must_use]
     pub fn of(model: &Model) -> Self {
         let has_flag = model.status_flag(Flag::Running).is_some();
@@ -240,7 +240,7 @@ fn counter(model: &Model) -> Option<&Register> {
         .filter(|it| it.poll.is_some())
 }
 
-/// Their output power, in kilowatts.
+/// The register of the output power of drives of `model`, in kilowatts.
 fn power(model: &Model) -> Option<&Register> {
     let register = model.register_for(Role::OutputPower)?;
     (register.poll.is_some() && register.unit == UnitOfMeasure::Kilowatt).then_some(register)

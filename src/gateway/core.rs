@@ -110,9 +110,10 @@ pub(super) struct Flight {
     pub(super) sent_at: MonoTime,
     /// When the last character of the request has left.
     pub(super) request_end: MonoTime,
-    /// From then on a stop for another drive ends the wait, if nothing was received. `None`: too few replies are known.
+    /// From this moment on a stop for another drive ends the wait, if nothing was received. `None`: too few replies are
+    /// known.
     pub(super) overdue_at: Option<MonoTime>,
-    /// That moment has passed.
+    /// The moment `overdue_at` has passed.
     pub(super) is_overdue: bool,
     /// An unexplained frame of the station preceded its reply: the apparent reply may be another such frame.
     pub(super) is_spoilt: bool,

@@ -28,11 +28,11 @@ const JAM_FRAMES: u32 = 2;
 const MUTE_AFTER: Duration = Duration::from_secs(10);
 /// First wait before a mute port is reopened again; doubled up to the maximum.
 const REOPEN_FIRST: Duration = Duration::from_secs(10);
-/// Maximum such wait: drives that are switched off overnight must not fill the log.
+/// Maximum wait before a mute port is reopened again: drives that are switched off overnight must not fill the log.
 const REOPEN_MAX: Duration = Duration::from_secs(300);
 /// First wait before an echoing line is read again; doubled up to the maximum.
 const PROBE_FIRST: Duration = Duration::from_secs(1);
-/// Maximum such wait.
+/// Maximum wait before an echoing line is read again.
 const PROBE_MAX: Duration = Duration::from_secs(30);
 
 /// What is known about a line apart from its state.

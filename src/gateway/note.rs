@@ -111,7 +111,7 @@ pub enum Note {
     Implausible {
         /// The register.
         register: Address,
-        /// Its word.
+        /// The word that the register holds.
         held: u16,
     },
     /// The drive has stopped following its order to run.
@@ -199,10 +199,10 @@ pub enum Note {
 /// An event of a line while its port is open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineNote {
-    /// It has become unusable.
+    /// The line has become unusable.
     #[error("line down: {0}")]
     Down(LineFault),
-    /// It is usable again.
+    /// The line is usable again.
     #[error("line up")]
     Up,
     /// Too many exchanges fail.

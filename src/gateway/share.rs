@@ -23,7 +23,8 @@ pub(super) struct Share {
     pub unanswered: Vec<u8>,
     /// Another gateway was heard since this one was started: what it remembers of the orders then is out of date.
     pub has_heard_other: bool,
-    /// It was heard to be active, or to order something, or this gateway was active itself: it is no master that only reads.
+    /// Another gateway was heard to be active, or to order something, or this gateway was active itself: the other one
+    /// is no master that only reads.
     pub has_heard_leader: bool,
     /// A drive has answered since the line was taken over.
     pub is_confirmed: bool,
@@ -49,7 +50,7 @@ pub(super) struct Share {
     pub told_digest: bool,
     /// A digest of its drives.
     pub digest: u16,
-    /// Whether those of the other gateway differ; `None` while that is not known.
+    /// Whether the drives of the other gateway differ; `None` while that is not known.
     pub differs: Option<bool>,
     /// A station that is no drive of this gateway, and when it was last talked to.
     pub stranger: Option<(Station, MonoTime)>,

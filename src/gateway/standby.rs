@@ -232,7 +232,7 @@ impl LineCore {
         is_due
     }
 
-    /// When that is due.
+    /// When this gateway is to say again that it is active.
     pub(super) fn role_said_again_at(&self) -> Option<MonoTime> {
         let share = self.share.as_ref()?;
         let is_active = share.rule.role() == LineRole::Active && self.may_signal();

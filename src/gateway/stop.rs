@@ -21,7 +21,7 @@ use std::time::Duration;
 pub const WAITERS_MAX: usize = 64;
 /// First wait before a stop without effect is repeated; doubled up to the maximum.
 const REPEAT_FIRST: Duration = Duration::from_millis(500);
-/// Maximum such wait.
+/// Maximum wait before a stop without effect is repeated.
 const REPEAT_MAX: Duration = Duration::from_secs(4);
 /// Time between two reads of the output frequency: enough for a ramp to show.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -69,7 +69,7 @@ pub struct StopLatch {
     /// When it was declared because of a lost client or a shutdown of the gateway; `None` if a client commanded it, or it
     /// was left to the drive's own watchdog.
     declared_at: Option<MonoTime>,
-    /// Neither it nor a read is sent before this moment.
+    /// Neither the stop nor a read is sent before this moment.
     silent_until: MonoTime,
     /// It was ordered before a restart of the gateway, and nothing was sent for it since.
     is_remembered: bool,
@@ -80,9 +80,9 @@ pub struct StopLatch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ByClient {
     No,
-    /// It has, and it was sent since.
+    /// A client has commanded the stop, and it was sent since.
     Sent,
-    /// It has since it was last sent. A drive that is away may hear it.
+    /// A client has commanded the stop since it was last sent. A drive that is away may hear it.
     Waits,
 }
 

@@ -61,12 +61,12 @@ pub enum Entry {
     },
     /// No stop is pending any more.
     StopOver {
-        /// It took effect. If not, it was given up because the drive stayed offline.
+        /// The stop took effect. If not, it was given up because the drive stayed offline.
         is_effective: bool,
     },
     /// Whether the drive's run command may hold the reset word has changed.
     ResetWord {
-        /// It may.
+        /// The drive's run command may hold the reset word.
         may_stand: bool,
     },
     /// A declared action has come further.
@@ -85,7 +85,7 @@ pub enum Entry {
         /// What was last seen of it.
         last_seen: Option<LastSeen>,
     },
-    /// That is over.
+    /// The drive is no longer out of sight, or its motor was confirmed to stand.
     InSight {
         /// The person who confirmed that the motor stands; `None` if the drive was seen again.
         confirmed_by: Option<Owner>,
@@ -94,7 +94,7 @@ pub enum Entry {
     Presence(Presence),
     /// What the drive has used so far.
     Usage(KeptUsage),
-    /// These sums are set back to 0.
+    /// The sums of what the drive has used are set back to 0.
     UsageReset {
         /// Who has requested it.
         owner: Owner,
@@ -143,7 +143,7 @@ pub enum Tried {
     Registers {
         /// Address of the first on the wire.
         address: Address,
-        /// Their words.
+        /// The words of the registers.
         values: Vec<u16>,
     },
     /// Unparsable input as received, shortened.

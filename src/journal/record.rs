@@ -58,15 +58,15 @@ pub enum RecordKind {
 /// How control changed hands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeaseChange {
-    /// It had no holder before.
+    /// Control had no holder before.
     Opened,
-    /// It has no holder any more.
+    /// Control has no holder any more.
     Ended,
-    /// It was taken over from this owner.
+    /// Control was taken over from this owner.
     TakenOver(Owner),
     /// The gateway restarted, and its owner is awaited.
     Orphaned,
-    /// Its owner came back after that.
+    /// The owner came back after a restart of the gateway.
     TakenUp,
 }
 

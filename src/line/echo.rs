@@ -28,9 +28,9 @@ pub struct EchoWatch {
     known: LocalEcho,
     /// The last frame sent.
     sent: Vec<u8>,
-    /// Its valid reply differs from it.
+    /// The valid reply to the last frame differs from it.
     differs: bool,
-    /// Its exchange is over.
+    /// The exchange of the last frame is over.
     is_over: bool,
     /// Our own bytes were received.
     came_back: bool,

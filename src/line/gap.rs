@@ -26,12 +26,12 @@ const BURST: Duration = Duration::from_secs(1);
 /// The gaps between the frames of another master.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gap {
-    /// When its last exchange ended, if nothing was received since.
+    /// When the last exchange of the other master ended, if nothing was received since.
     ended_at: Option<MonoTime>,
     /// When a stop was last sent, and when a read was.
     stopped_at: Option<MonoTime>,
     looked_at: Option<MonoTime>,
-    /// A frame was decided on, and may be handed to the port until then.
+    /// A frame was decided on, and may be handed to the port until this moment.
     open_until: Option<MonoTime>,
     /// The last frame was sent again at once, because it may have met another one.
     was_repeated: bool,
@@ -42,7 +42,7 @@ pub struct Gap {
     seed: u64,
     /// A request was received at this moment, and neither its answer nor anything else since.
     asked_at: Option<MonoTime>,
-    /// Another gateway has said that it is active, and would have said so again by then.
+    /// Until this moment another gateway counts as active: it would have said so again by then.
     led_until: MonoTime,
     /// When the present or last burst began.
     burst_from: Option<MonoTime>,
@@ -74,7 +74,7 @@ impl Gap {
         (self.ended_at, self.asked_at) = (None, Some(at));
     }
 
-    /// Another gateway is active, as far as is known `until` then.
+    /// Another gateway is active, as far as is known up to `until`.
     pub const fn led(&mut self, until: MonoTime) {
         self.led_until = until;
     }
@@ -145,7 +145,7 @@ impl Gap {
         *at = Some(now);
     }
 
-    /// Whether that frame may be handed to the port at `now`. Answers once.
+    /// Whether the frame that was decided on may be handed to the port at `now`. Answers once.
     pub fn take_frame(&mut self, now: MonoTime) -> bool {
         self.open_until.take().is_some_and(|until| now < until)
     }

@@ -20,7 +20,7 @@ impl Occupancy {
         }
     }
 
-    /// When it began.
+    /// When the others began to send.
     pub const fn since(&self) -> MonoTime {
         self.since
     }

@@ -24,7 +24,7 @@ impl OwnEcho {
         self.earliest_reply = earliest_reply;
     }
 
-    /// Whether it may still arrive.
+    /// Whether the echo of the last frame may still arrive.
     pub const fn is_awaited(&self) -> bool {
         self.is_awaited
     }

@@ -30,7 +30,7 @@ pub struct RollCall {
 }
 
 impl RollCall {
-    /// Of a gateway that becomes active at `now`.
+    /// The questions of a gateway that becomes active at `now`.
     #[must_use]
     pub fn new(now: MonoTime) -> Self {
         Self {
@@ -41,7 +41,7 @@ impl RollCall {
         }
     }
 
-    /// It has to be known at once: what is known at `now` may be out of date.
+    /// Whether another gateway listens has to be known at once: what is known at `now` may be out of date.
     pub const fn ask_again(&mut self, now: MonoTime) {
         self.ask_at = now;
         self.misses = 0;
@@ -110,8 +110,8 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// To a question that was heard at `now` and ended at `end`, by a gateway that waits for `slot`, so that several
-    /// listeners do not answer at once.
+    /// The answer to a question that was heard at `now` and ended at `end`, by a gateway that waits for `slot`, so that
+    /// several listeners do not answer at once.
     #[must_use]
     pub fn to_question(now: MonoTime, end: MonoTime, slot: Duration) -> Self {
         Self {
@@ -120,19 +120,19 @@ impl Answer {
         }
     }
 
-    /// When it is due.
+    /// When the answer is due.
     #[must_use]
     pub const fn at(&self) -> MonoTime {
         self.at
     }
 
-    /// Whether it may be handed to the port at `now`.
+    /// Whether the answer may be handed to the port at `now`.
     #[must_use]
     pub fn may_be_sent(&self, now: MonoTime) -> bool {
         now >= self.at && now < self.until
     }
 
-    /// Whether it is too late for it at `now`.
+    /// Whether it is too late for the answer at `now`.
     #[must_use]
     pub fn is_over(&self, now: MonoTime) -> bool {
         now >= self.until

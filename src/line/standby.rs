@@ -233,7 +233,7 @@ impl Standby {
         }
     }
 
-    /// At `now`, that frame was handed to the port. If that took too long, the line is given up.
+    /// At `now`, the last frame was handed to the port. If that took too long, the line is given up.
     pub fn was_sent(&mut self, now: MonoTime) -> Option<Change> {
         match self.state {
             State::Active { sent_at } if now.since(sent_at) > HAND_OVER_MAX => {

@@ -59,17 +59,17 @@ pub struct StationState {
     taken: Option<Duration>,
     /// Remaining silences of [`LOOKS`], and exchanges until they are replenished.
     looks: (u8, u16),
-    /// Until then a reply may arrive to a request from before this state was created.
+    /// Until this moment a reply may arrive to a request from before this state was created.
     asked_before_until: MonoTime,
     silent_in_a_row: u32,
     /// Consecutive back-offs.
     back_offs: u32,
     ask_again_at: MonoTime,
-    /// Until then it may be deaf: that a drive is switched on can only be guessed.
+    /// Until this moment the station may be deaf: that a drive is switched on can only be guessed.
     may_be_deaf_until: MonoTime,
-    /// Until then it is known to be deaf.
+    /// Until this moment the station is known to be deaf.
     rests_until: MonoTime,
-    /// Until then it is busy with a write.
+    /// Until this moment the station is busy with a write.
     pauses_until: MonoTime,
 }
 

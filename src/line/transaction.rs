@@ -51,7 +51,7 @@ pub struct Wire {
     /// The later of the last byte read and the computed end of our own transmission.
     quiet_from: MonoTime,
     last_byte_at: MonoTime,
-    /// Until then the drives are busy with a broadcast, or with what others asked.
+    /// Until this moment the drives are busy with a broadcast, or with what others asked.
     held_until: MonoTime,
     /// Since when bytes have been arriving without a silence long enough for one of our frames.
     occupancy: Occupancy,

@@ -23,9 +23,9 @@ pub enum RefusedStops {
     /// None.
     #[default]
     None,
-    /// Those by function 06.
+    /// Stops by function 06.
     Single,
-    /// Those by any function.
+    /// Stops by any function.
     All,
 }
 

@@ -9,10 +9,10 @@ use crate::domain::address::{Address, Table};
 use crate::domain::command::Direction;
 use crate::domain::ids::Station;
 
-/// The station that they are for.
+/// The station number to which signals are addressed.
 pub const STATION: Station = Station(0xFA);
 
-/// Length of their PDU.
+/// Length of a signal's PDU, in bytes.
 pub const PDU_BYTES: usize = 5;
 
 /// The number of words that says: I am active.

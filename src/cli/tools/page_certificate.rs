@@ -19,7 +19,7 @@ use std::path::Path;
 
 /// The certificate of the authority, which clients install.
 const AUTHORITY: &str = "authority.crt";
-/// Its key, which only renewals need.
+/// The key of the authority, which only renewals need.
 const AUTHORITY_KEY: &str = "authority.key";
 /// The key and the certificate of the page, with the authority behind it. One file, so that a renewal replaces all of it
 /// at once.

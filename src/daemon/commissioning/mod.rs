@@ -56,7 +56,7 @@ impl fmt::Debug for Site {
 /// Which settings of a line a scan tries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Settings {
-    /// Those with which drives leave the factory.
+    /// The settings with which drives leave the factory.
     Factory,
     /// All that a drive can be set to, which takes long.
     All,

@@ -17,19 +17,19 @@ const GIVEN_UP_WITHIN: Duration = Duration::from_secs(7);
 /// What came of one line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HandOver {
-    /// Another gateway is heard on it, and this one listens.
+    /// Another gateway is heard on the line, and this one listens.
     HandedOver,
-    /// No other took it: this one sends again, or will.
+    /// No other gateway took the line: this one sends again, or will.
     TakenBack,
-    /// No other gateway answers on it: nothing has changed.
+    /// No other gateway answers on the line: nothing has changed.
     NoOther,
-    /// The line did not do it.
+    /// The line did not carry out the request.
     NoAnswer,
-    /// This gateway does not send there.
+    /// This gateway does not send on the line.
     NotActive,
-    /// It has no other gateway.
+    /// The line has no other gateway.
     Alone,
-    /// It has no room for a message.
+    /// The line has no room for a message.
     QueueFull,
 }
 
@@ -76,7 +76,7 @@ impl HandOver {
         }
     }
 
-    /// As the audit has it; `None` for what was not tried.
+    /// The outcome in the audit; `None` for what was not tried.
     #[must_use]
     pub const fn report(self) -> Option<Report> {
         match self {
@@ -95,7 +95,7 @@ impl HandOver {
 struct Asked {
     line: Arc<SharedLine>,
     begun: StandbyReport,
-    /// Until when it is to have given itself up.
+    /// Until when the line is to have given itself up.
     given_up_by: Instant,
     until: Instant,
 }

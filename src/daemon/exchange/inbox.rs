@@ -14,7 +14,7 @@ pub const INBOX_MAX: usize = 4096;
 pub const COMMANDS_MAX: usize = 512;
 /// Further room for stops and other messages that must not be lost: no flood of commands keeps them out.
 pub const STOPS_MAX: usize = 1024;
-/// Of that, the room for clients that left: thousands may leave at once, and keep no stop out.
+/// Room in [`STOPS_MAX`] for clients that left: thousands may leave at once, and keep no stop out.
 pub const GONE_MAX: usize = STOPS_MAX / 2;
 
 /// A message from the north side to a line.
@@ -38,7 +38,7 @@ pub enum Message {
     ConfirmStandstill(DriveIndex, Owner),
     /// The gateway shuts down: each drive gets its declared action.
     Shutdown,
-    /// It shuts down now: the effect of stops that were sent is not waited for.
+    /// The gateway shuts down now: the effect of stops that were sent is not waited for.
     Hurry,
     /// The line is removed by a change of the configuration and accepts only stops from now on.
     Leave {

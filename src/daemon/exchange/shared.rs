@@ -47,7 +47,7 @@ pub struct SharedDrive {
 /// The gateways of one line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StandbyShare {
-    /// Their names.
+    /// The names of the gateways.
     pub pair: StandbyPair,
     /// When this one takes the line over.
     pub times: StandbyTimes,
@@ -90,7 +90,7 @@ impl Shared {
         Self::of((0..).zip(lines).map(line).collect(), Arc::default())
     }
 
-    /// These lines with their drives.
+    /// The shared state of these lines with their drives.
     #[must_use]
     pub fn of(lines: Vec<Arc<SharedLine>>, changed: Arc<Bell>) -> Self {
         Self {

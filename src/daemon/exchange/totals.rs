@@ -39,7 +39,7 @@ impl<T> Shown<T> {
         all.push(Arc::downgrade(counts));
     }
 
-    /// Those that are still kept, in the order in which they came.
+    /// All counts that their owners still keep, in the order in which they came.
     #[must_use]
     pub fn all(&self) -> Vec<Arc<T>> {
         let mut all = self.lock();

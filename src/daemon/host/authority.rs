@@ -56,7 +56,7 @@ pub enum Error {
 pub struct Issued {
     /// The certificate.
     pub certificate: String,
-    /// Its key.
+    /// The key of the certificate.
     pub key: String,
 }
 

@@ -8,9 +8,9 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The broker has taken this one.
+/// Mark of an event that the broker has taken.
 pub const TAKEN: u8 = 1;
-/// This one is damaged: it is shown as such and cannot be published.
+/// Mark of an event that is damaged: it is shown as such and cannot be published.
 const DAMAGED: u8 = 2;
 /// Most events that are recovered from a damaged file.
 const RESCUED_MAX: usize = 1024;

@@ -14,19 +14,19 @@ pub struct OpenFiles {
     log: Option<FileIdentity>,
 }
 
-/// What happened to them.
+/// What happened to the open files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// There is no file at the path.
+    /// There is no file at the path of the database.
     Deleted,
-    /// Another file is there.
+    /// Another file is at the path of the database.
     Replaced,
     /// The log is gone or another one.
     Log,
 }
 
 impl OpenFiles {
-    /// Those of the database that was just opened at `path`.
+    /// The files of the database that was just opened at `path`.
     #[must_use]
     pub fn at(path: &Path) -> Self {
         Self {

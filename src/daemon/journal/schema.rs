@@ -35,13 +35,13 @@ const STEPS: [&str; VERSION as usize] = [
 /// The kind of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Made {
-    /// It was empty and has its tables now.
+    /// The file was empty and has its tables now.
     New,
-    /// It had them; they are in their newest version now.
+    /// The file had its tables, which are in their newest version now.
     Found,
-    /// It is a database of another program.
+    /// The file is a database of another program.
     Foreign,
-    /// Its tables are from a later version of this program.
+    /// The file's tables are from a later version of this program.
     Newer(i64),
 }
 

@@ -6,10 +6,10 @@ use std::time::Duration;
 /// Whether rows are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum JournalState {
-    /// They are.
+    /// Rows are written to the database.
     #[default]
     Ok,
-    /// They cannot be written at present. The newest are kept in memory and written later.
+    /// Rows cannot be written at present. The newest are kept in memory and written later.
     Failed,
     /// No database could be opened since the start: the newest are in memory only.
     Memory,

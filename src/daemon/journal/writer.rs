@@ -173,7 +173,7 @@ impl Writer {
         [retry, tell, used, look].into_iter().flatten().min()
     }
 
-    /// Until when what drives have used may wait; `None` if nothing of that waits.
+    /// Until when what drives have used may wait to be written; `None` if none of it waits.
     fn used_until(&self) -> Option<MonoTime> {
         self.book.used_since().map(|since| since + USAGE_WAITS)
     }

@@ -58,7 +58,7 @@ pub struct AtSpeed<'p> {
     pub pty: &'p Pty,
     /// Speed of the drives, in bit/s.
     pub baud: u32,
-    /// Their stop bits, 1 or 2.
+    /// Stop bits of the drives, 1 or 2.
     pub stop_bits: u8,
 }
 

@@ -139,7 +139,7 @@ struct Client<'a, T> {
 /// How a connection ended.
 enum End {
     Stopped,
-    /// And how long after the broker had accepted it; `None` if it had not.
+    /// How the connection broke, and how long after the broker had accepted it; `None` if it had not.
     Broken(Broken, Option<Duration>),
 }
 

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// No limit below this is believed, in bytes: what is smaller must get through.
 const LEAST: usize = 512;
-/// This many ends behind one packet are no accident.
+/// This many ends of connections behind one packet are no accident.
 const REFUSALS: u32 = 2;
 /// This many connections in a row that ended [`SOON`] behind a packet that was taken before: the broker takes less now. Fewer
 /// than those that make another client with our identifier suspected.

@@ -11,7 +11,7 @@ use std::time::Duration;
 const SHORT_LIFE: Duration = Duration::from_secs(5);
 /// This many short connections in a row, while the broker was always reachable, are no accident.
 const SHORT_LIVES: u32 = 5;
-/// This many cannot be a broker that restarts repeatedly either.
+/// This many short connections in a row cannot be a broker that restarts repeatedly either.
 const SHORT_LIVES_MAX: u32 = 16;
 /// If a connection lasts this long after a rival was only suspected, the broker probably had restarted. Together with
 /// the longest wait before it that is less than 5 s.

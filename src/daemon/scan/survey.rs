@@ -41,7 +41,7 @@ pub enum Event<'a> {
     Asked,
     /// A station answers.
     Answers(u8),
-    /// Its model was searched for.
+    /// The model of the drive that answers was searched for.
     Told(&'a Finding),
 }
 

@@ -29,7 +29,7 @@ const IGNORED: [(Number, &str); 9] = [
     (Number::XCPU, "SIGXCPU"),
 ];
 
-/// Those that programs may use as they like, by number (Linux, `signal(7)`; the C library keeps 32 and 33 to itself).
+/// Signals that programs may use as they like, by number (Linux, `signal(7)`; the C library keeps 32 and 33 to itself).
 const OF_PROGRAMS: RangeInclusive<i32> = 34..=64;
 
 /// A signal with its name.

@@ -83,7 +83,7 @@ struct Reading {
     is_news: bool,
     /// When the trip was detected.
     seen_at: MonoTime,
-    /// It was already there when the drive came online.
+    /// The trip was already there when the drive came online.
     while_away: bool,
     /// The count was read more than once.
     is_sure: bool,

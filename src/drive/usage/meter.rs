@@ -24,10 +24,10 @@ pub struct UsageMeter {
     running_gap: Duration,
     /// When the run state was last read, while readings follow each other.
     seen_at: Option<MonoTime>,
-    /// Whether it ran when that was last known.
+    /// Whether the motor ran when the run state was last known.
     ran: Option<bool>,
     totals: UsageTotals,
-    /// The last that was returned to be kept, and when.
+    /// The last sums that were returned to be kept, and when.
     kept: (KeptUsage, MonoTime),
 }
 
@@ -46,13 +46,13 @@ struct Counter {
     register: Register,
     /// The last reading in millijoules.
     last_mj: Option<u64>,
-    /// When this process read it.
+    /// When this process took the last reading.
     read_at: Option<MonoTime>,
-    /// One step of it in millijoules.
+    /// One step of the counter, in millijoules.
     step_mj: u64,
-    /// What was added since its last step, by readings of the output power.
+    /// What readings of the output power added since the counter's last step, in millijoules.
     between_mj: u64,
-    /// Whether it has fallen.
+    /// Whether the counter has fallen.
     fall: FallWatch,
 }
 

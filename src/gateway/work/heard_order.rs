@@ -22,6 +22,6 @@ pub(super) enum HeardOrder {
 pub(super) struct Unsettled {
     /// The line was handed over: a drive that runs goes on.
     pub goes_on: bool,
-    /// Until then a reading is awaited that shows whether the drive obeys its panel.
+    /// Until this moment a reading is awaited that shows whether the drive obeys its panel.
     pub until: MonoTime,
 }

@@ -132,13 +132,13 @@ pub struct DriveWork {
     has_turned: bool,
     /// The reset word.
     reset: Standing,
-    /// The last recorded state of that.
+    /// The last recorded state of the reset word.
     said_reset: bool,
     /// A start that the drive has not followed.
     start: Standing,
     /// The drive has refused a stop, and none has taken effect since.
     is_stop_refused: bool,
-    /// When it last refused every form of a stop.
+    /// When the drive last refused every form of a stop.
     stop_refused_at: Option<MonoTime>,
     /// It was logged that the drive refused a stop.
     told_refused: bool,
@@ -152,17 +152,17 @@ pub struct DriveWork {
     commands: u16,
     /// The last order of another gateway of the line.
     heard: HeardOrder,
-    /// When another gateway or master last read it.
+    /// When another gateway or master last read the drive.
     overheard_at: Option<MonoTime>,
     /// The drive was sent an order to run, and has since neither been seen at standstill without one nor stopped from here.
     may_run_on: bool,
     /// This gateway has taken the line, and does not know yet whether the drive is ordered to run.
     unsettled: Option<Unsettled>,
-    /// Whether it is in sight, and what was last seen of it.
+    /// Whether the drive is in sight, and what was last seen of it.
     sight: Sight,
     /// Whether the drive follows its order to run.
     followed: Followed,
-    /// It has stopped following the last one.
+    /// The drive has stopped following its last order to run.
     is_stopped_elsewhere: bool,
     /// The output, held against what was ordered.
     outside: Outside,

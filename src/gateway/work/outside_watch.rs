@@ -6,7 +6,8 @@ use std::time::Duration;
 
 /// How long the output may be above the limits without falling.
 const ABOVE_FOR: Duration = Duration::from_secs(3);
-/// How long it may stay away from the setpoint without coming nearer: a brake or a magnetised motor holds it for a while.
+/// How long the output may stay away from the setpoint without coming nearer: a brake or a magnetised motor holds it
+/// for a while.
 const AWAY_FOR: Duration = Duration::from_secs(10);
 /// What slip and rounding explain, in thousandths of a hertz, and as a part of the setpoint.
 const TOLERANCE_MILLIHERTZ: u32 = 1000;
@@ -29,7 +30,7 @@ pub(super) enum Found {
 #[derive(Clone, Copy, Debug)]
 struct Distance {
     shortest: u32,
-    /// Since when it was not shorter.
+    /// Since when the distance has not become shorter.
     since: MonoTime,
 }
 

@@ -5,12 +5,12 @@ use super::times::{LOOK_MAX, SIGNALS_WITHIN};
 use crate::domain::time::MonoTime;
 use std::time::Duration;
 
-/// What it knows.
+/// What a listener knows of the line.
 #[derive(Clone, Copy, Debug)]
 pub struct Knowledge {
-    /// From then on what is received while it listens is known to have come just now.
+    /// From this moment on what is received while listening is known to have come just now.
     attentive_from: MonoTime,
-    /// From then on another gateway that has taken the line would have been heard to say so.
+    /// From this moment on another gateway that has taken the line would have been heard to say so.
     informed_from: MonoTime,
 }
 

@@ -22,7 +22,7 @@ pub(super) const TIE_BREAK: Duration = Duration::from_millis(500);
 pub(super) const JAM_BREAK: Duration = Duration::from_millis(250);
 /// How long a gateway sends without a sound reply before it falls silent: its receiver may be dead.
 pub(super) const DEAF_AFTER: Duration = Duration::from_secs(3);
-/// How long it then waits at least, in silences for a take-over.
+/// How long a gateway whose receiver may be dead waits at least, in silences for a take-over.
 pub(super) const DEAF_WAITS: u32 = 4;
 /// How often the active gateway says that it is active, whatever else it sends.
 pub const ROLE_SAID_EVERY: Duration = Duration::from_secs(4);

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 /// How far the clock of a client may be ahead of ours.
 const AHEAD_MAX_MS: i64 = 2_000;
-/// From this difference on it is reported.
+/// Smallest difference of the clocks that is reported, in milliseconds.
 const TOLD_FROM_MS: i64 = 100;
 /// A difference not seen for this long has been corrected. No command is that old.
 const SEEN_FOR: Duration = Duration::from_secs(600);

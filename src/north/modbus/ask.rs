@@ -81,7 +81,7 @@ pub enum Ask {
         address: u16,
         /// Bits that stay.
         and: u16,
-        /// The others.
+        /// New value of the bits that are 0 in `and`.
         or: u16,
     },
     /// 17 hex: writes first, then reads.

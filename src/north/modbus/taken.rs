@@ -80,7 +80,7 @@ impl Taken {
 /// What has to be ordered before there is an answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ordered {
-    /// This, for the addressed drive.
+    /// An order for the addressed drive.
     One(Order),
     /// A stop of every drive that is served and has control.
     StopAll,

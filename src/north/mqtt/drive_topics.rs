@@ -60,7 +60,7 @@ impl DriveTopics {
             .map(|(_, topic)| topic)
     }
 
-    /// Those that are not.
+    /// All topics of the drive that are not published.
     pub(super) fn left_out(&self) -> impl Iterator<Item = &str> {
         self.all_topics()
             .filter(|(tree, _)| !self.publishes(*tree))

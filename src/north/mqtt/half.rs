@@ -38,7 +38,7 @@ struct Other {
     /// The lines on which it is active; none if it is offline.
     active_on: Vec<String>,
     is_online: bool,
-    /// It was heard since one of the others went offline.
+    /// It was heard since another gateway last went offline.
     is_there: bool,
 }
 

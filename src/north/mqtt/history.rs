@@ -9,8 +9,8 @@ use crate::north::clock::Clock;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// At most this many are published in [`BURST_EVERY`]: after an outage the present is sent first, and a broker that has
-/// just come back is not flooded.
+/// Most changes published in [`BURST_EVERY`]: after an outage the present is sent first, and a broker that has just
+/// come back is not flooded.
 const BURST: u32 = 20;
 const BURST_EVERY: Duration = Duration::from_millis(100);
 

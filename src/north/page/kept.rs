@@ -81,7 +81,7 @@ impl Cell {
         }
     }
 
-    /// Both together.
+    /// One cell for all values of this cell and `other`.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         match (self.count, other.count) {

@@ -393,7 +393,7 @@ impl Session {
         self.oversized.all()
     }
 
-    /// One of these that is new.
+    /// A publication larger than the broker takes that was not reported yet; each is returned once.
     pub fn next_oversized(&mut self) -> Option<Oversized> {
         self.oversized.next_untold()
     }

@@ -25,7 +25,7 @@ const WORDS: [Role; 13] = [
     Role::AccelerationTime,
     Role::DecelerationTime,
 ];
-/// Those of them that may be a field of a word.
+/// Roles of [`WORDS`] that may be a field of a word.
 const FIELDS: [Role; 6] = [
     Role::TripCode,
     Role::TripBits,
@@ -34,7 +34,7 @@ const FIELDS: [Role; 6] = [
     Role::WarningCode,
     Role::WarningBits,
 ];
-/// Those of them that may be two words: bits alone.
+/// Roles of [`WORDS`] that may be two words: bits alone.
 const PAIRS: [Role; 2] = [Role::TripBits, Role::WarningBits];
 /// Widest exponent in bits: larger powers of ten than 10^7 are nowhere.
 const EXPONENT_BITS: u32 = 3;

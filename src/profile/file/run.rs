@@ -102,7 +102,7 @@ impl RunFile {
         )
     }
 
-    /// Those that are written to the register for run commands.
+    /// The usable words that are written to the register for run commands, each with its order.
     pub fn own_words(&self) -> impl Iterator<Item = (OrderKind, &Spanned<u16>)> {
         self.words()
             .filter(|(kind, _)| self.places.named(*kind).is_none())

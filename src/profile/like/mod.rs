@@ -150,7 +150,7 @@ impl<'s> Whole<'s> {
         &self.document
     }
 
-    /// It as one complete file.
+    /// The file with all that it takes over, as one complete text.
     pub(super) fn text(self) -> String {
         written::text_of(&self.document.into_table())
     }

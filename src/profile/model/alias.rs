@@ -9,9 +9,9 @@ use crate::domain::address::{Address, Table};
 pub struct RamAlias {
     /// The bits that tell both forms apart.
     pub mask: u16,
-    /// These bits of the registers that have such a form.
+    /// The bits under the mask in addresses of stored registers that have a RAM form.
     pub from: u16,
-    /// These bits of the form.
+    /// The bits under the mask in addresses of the RAM form.
     pub to: u16,
     /// Whether the form can be read as well.
     pub is_readable: bool,

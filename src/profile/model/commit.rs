@@ -23,7 +23,7 @@ impl CommitEffect {
     }
 }
 
-/// One such word.
+/// One word that takes over or stores parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CommitWord {
     /// Its register, which nobody else writes.

@@ -31,7 +31,7 @@ pub struct Link {
 /// How a drive is set when it leaves the factory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Factory {
-    /// To this.
+    /// Set to these settings.
     Set(LinkSettings),
     /// Nobody can say: what to read at the drive's panel.
     Ask(String),

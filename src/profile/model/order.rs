@@ -91,7 +91,7 @@ pub struct ResetWrite {
     pub address: Address,
     /// The word.
     pub value: u16,
-    /// It resets. All others stop the motor or clear the reset.
+    /// The word resets. All other words stop the motor or clear the reset.
     pub resets: bool,
     /// How long nothing is written after it.
     pub wait: Duration,

@@ -91,9 +91,9 @@ impl Role {
 /// A property of a register that its source may leave unstated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FactPart {
-    /// That it is readable.
+    /// That the register is readable.
     Reading,
-    /// That it is writable.
+    /// That the register is writable.
     Writing,
     /// Its scale.
     Scale,

@@ -119,7 +119,7 @@ pub struct Sense {
 }
 
 impl Sense {
-    /// That of a single bit.
+    /// The sense in which a single bit has this `meaning`.
     #[must_use]
     pub const fn of_bit(bit: u8, is_inverted: bool, meaning: BitMeaning) -> Self {
         let mask = 1 << (bit & 15);
@@ -130,7 +130,7 @@ impl Sense {
         }
     }
 
-    /// That of a field with `value`, which is shifted down.
+    /// The sense in which a field has this `meaning`, with `value`, which is shifted down.
     #[must_use]
     pub const fn of_field(mask: u16, value: u16, meaning: BitMeaning) -> Self {
         let shift = if mask == 0 { 0 } else { mask.trailing_zeros() };

@@ -77,7 +77,7 @@ impl StatusFlag {
 pub enum ClearWords {
     /// Every word that does not set it.
     Others,
-    /// Those that match one of these.
+    /// Every word that matches one of these.
     Named(Vec<MaskedWord>),
 }
 

@@ -29,9 +29,9 @@ pub(super) struct MemoryAddress {
 /// Which memory an address means.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum AddressForm {
-    /// That of the register itself.
+    /// The memory of the register itself.
     Own,
-    /// It has the bit of stored twins: it can only be written.
+    /// The memory of stored twins, whose bit the address has: it can only be written.
     Stored,
     /// RAM, although the register is stored.
     Ram,

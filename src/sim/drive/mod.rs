@@ -80,7 +80,7 @@ pub struct SimDrive {
     deaf_until: MonoTime,
     /// When it last received a request that it could serve.
     last_heard: MonoTime,
-    /// Its watchdog has acted since then.
+    /// The drive's watchdog has acted since `last_heard`.
     has_expired: bool,
     untrue: UntrueReads,
     report: DriveReport,

@@ -12,7 +12,7 @@ use crate::profile::model::{OrderKind, Role};
 pub(super) struct Readiness {
     /// Number of words that the drive has followed.
     followed: usize,
-    /// When it was given the last of them.
+    /// When the drive was given the last of the followed words.
     since: MonoTime,
     /// The drive follows none of them, as with an open enable terminal.
     is_held_back: bool,

@@ -11,7 +11,7 @@ use std::process::Command;
 pub const CONFIGURATION: &str = "/etc/vfd-gateway/vfd-gateway.toml";
 /// The service as the Debian package brings it.
 const UNIT: &str = include_str!("../../../../deploy/systemd/vfd-gateway.service");
-/// Its user.
+/// The user of the service, as the Debian package creates it.
 const SYSUSERS: &str = include_str!("../../../../deploy/systemd/vfd-gateway.sysusers");
 /// The program in the unit, where the package has it.
 const PROGRAM: &str = "/usr/bin/vfd-gateway";

@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 /// A parameter that is not the same on both sides.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// On the first side; `None`: it is only on the other.
+    /// The parameter on the first side; `None`: it is only on the second.
     pub first: Option<Parameter>,
-    /// On the second side.
+    /// The parameter on the second side; `None`: it is only on the first.
     pub second: Option<Parameter>,
 }
 

@@ -18,7 +18,7 @@ pub struct Dump {
     pub at: String,
     /// The parameters that were read, in order of address.
     pub parameters: Vec<Parameter>,
-    /// Those that could not be read.
+    /// The parameters that could not be read.
     pub unreadable: Vec<Unreadable>,
     /// What else it does not hold.
     pub left_out: Vec<LeftOut>,
@@ -42,7 +42,7 @@ pub struct Parameter {
     pub address: u16,
     /// The word, or the number in two words.
     pub raw: u32,
-    /// It in its unit, or its meaning; `None` for a plain number.
+    /// The value in its unit, or its meaning; `None` for a plain number.
     pub text: Option<String>,
     /// Its title.
     pub title: String,

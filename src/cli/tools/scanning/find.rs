@@ -28,7 +28,7 @@ pub struct Drive {
 pub struct Found {
     /// The setting that most of them have.
     pub setting: Setting,
-    /// Those that answer with it.
+    /// The drives that answer with `setting`.
     pub drives: Vec<Drive>,
     /// Others, in words.
     pub others: Vec<String>,

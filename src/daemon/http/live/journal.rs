@@ -175,7 +175,7 @@ impl Reading {
     }
 }
 
-/// The rest, and its next piece.
+/// The rest of an answer, and the next piece of it.
 type Read = (Box<Reading>, Option<Bytes>);
 
 /// The body of an answer. Each piece is read when the one before it is taken, so that a slow reader holds no thread and little

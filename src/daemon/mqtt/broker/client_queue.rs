@@ -32,9 +32,9 @@ pub struct Taking {
 #[derive(Debug, Default)]
 pub struct ClientQueue {
     waiting: VecDeque<Delivery>,
-    /// Their size in bytes.
+    /// Size of the waiting messages, in bytes.
     bytes: usize,
-    /// Those among them at quality of service 0.
+    /// Number of waiting messages at quality of service 0.
     passing: usize,
     in_flight: VecDeque<InFlight>,
     asked: VecDeque<RetainedBatch>,

@@ -19,7 +19,7 @@ pub struct Session {
     pub client: Arc<str>,
     /// Its connection, if it has one.
     pub connection: Option<ConnectionId>,
-    /// How long it lasts without one.
+    /// How long the session lasts without a connection.
     pub expiry: Expiry,
     /// When the last connection ended.
     pub gone_at: MonoTime,

@@ -28,10 +28,10 @@ use std::collections::BTreeSet;
 use std::ops::Bound;
 use std::time::Duration;
 
-/// At most this many are published in [`BURST_EVERY`]: after a birth everything else is sent first.
+/// Most announcements published in [`BURST_EVERY`]: after a birth everything else is sent first.
 const BURST: u32 = 10;
 const BURST_EVERY: Duration = Duration::from_millis(100);
-/// At most this many are in flight, so that a slow broker has room for others.
+/// Most announcements in flight, so that a slow broker has room for others.
 const IN_FLIGHT_MAX: usize = 8;
 /// Most that is remembered to be taken back: the entities of a hundred drives.
 const GONE_MAX: usize = 4096;
@@ -70,7 +70,7 @@ pub(super) struct Discovery {
 #[derive(Clone, Copy, Debug)]
 struct Way {
     opened_at: MonoTime,
-    /// Until then earlier announcements may arrive.
+    /// Until this moment earlier announcements may arrive.
     quiet_at: MonoTime,
 }
 

@@ -21,11 +21,11 @@ use tokio::time::{Instant, sleep};
 
 /// The frequency at which the simulated motor runs, in Hz.
 const FREQUENCY_HZ: &str = "10";
-/// Its limits in Hz.
+/// Limits of the simulated motor's frequency, in Hz.
 const LIMITS_HZ: (f64, f64) = (1.0, 50.0);
 /// Longest time until it is shown to run.
 const RUNS_WITHIN: Duration = Duration::from_secs(20);
-/// How often this is looked at.
+/// Time between two looks at whether the motor is shown to run.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Uniform word of the run state, and its value for running forward.
 const STATE: u16 = 2;
