@@ -53,8 +53,8 @@ root() {
     install -D "$from/lib/$gnu/${loader##*/}" "$to$loader"
     libraries_of "$program"
     install -D -m 644 /etc/ssl/certs/ca-certificates.crt "$to/etc/ssl/certs/ca-certificates.crt"
-    install -D -m 644 LICENSE "$to/usr/share/doc/vfd-gateway/copyright"
-    install -m 644 target/notices/* "$to/usr/share/doc/vfd-gateway/"
+    install -d "$to/usr/share/doc/vfd-gateway"
+    install -m 644 LICENSE-APACHE LICENSE-MIT target/notices/* "$to/usr/share/doc/vfd-gateway/"
     package "$from" "libc6:$debian"
     package "$from" "libgcc-s1:$debian"
     package "" ca-certificates
